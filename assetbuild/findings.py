@@ -182,6 +182,11 @@ def steady(value: T) -> T:
     return value
 
 
+def known(value: T) -> T | None:
+    """None for a number that is not finite, which JSON cannot say; anything else as it is."""
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
 def rounded(value: float, limit: float) -> float:
     """To a thousandth of the power of ten below `limit`, if it is one; no negative zero."""
     if not (isfinite(value) and isfinite(limit) and limit > 0.0):

@@ -11,13 +11,9 @@ from typing import Literal
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.experiments import (
-    SHARE_OF_RANGE,
-    SHARE_OF_SPEED,
-    SWING_M,
-    SWING_RAD,
     Experiment,
     Setting,
     Sine,
@@ -28,6 +24,7 @@ from assetbuild.simulators.experiments import (
     sine_of,
     standing,
     swing,
+    widest,
 )
 from assetbuild.simulators.loops import about_closed
 
@@ -109,25 +106,14 @@ def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End)
         rest = home.get(joint.name, 0.0) if joint.name in chain else 0.0
         middle[joint.name], swing[joint.name] = min(max(rest, lower), upper), 0.0
         stop = upper if end == "upper" else lower
+        drive = control.by_joint.get(joint.name)
+        if drive is None or not drive.kp > 0.0 or joint.mimic is not None:
+            continue
         if joint.name not in chain and math.isfinite(stop) and upper > lower:
-            room = _room_before_stop(joint, control)
+            speeds = [drive.velocity] if drive.velocity else ()
+            room = widest(joint, speeds, SHARP * STOP_HZ)
             sign = 1.0 if end == "upper" else -1.0
-            if room is not None:
-                middle[joint.name], swing[joint.name] = stop - sign * room, sign * SHARP * room
+            middle[joint.name], swing[joint.name] = stop - sign * room, sign * SHARP * room
     if not any(swing.values()):
         return None
     return Sine(with_mimics(tree, middle), swing, STOP_HZ, STOP_S)
-
-
-def _room_before_stop(joint: Joint, control: Control) -> float | None:
-    """rad or m; None where no drive moves the joint to a position."""
-    drive = control.by_joint.get(joint.name)
-    if drive is None or not drive.kp > 0.0 or joint.mimic is not None:
-        return None
-    lower, upper = joint.bounds
-    widest = SWING_M if joint.kind == "prismatic" else SWING_RAD
-    room = min(widest, SHARE_OF_RANGE * (upper - lower))
-    if drive.velocity:
-        fastest = SHARE_OF_SPEED * drive.velocity / (2.0 * math.pi * STOP_HZ)
-        room = min(room, fastest / SHARP)
-    return room

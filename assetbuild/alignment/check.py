@@ -1,4 +1,4 @@
-"""MuJoCo beside another simulator, row by row: how both move the robot.
+"""MuJoCo beside another simulator, row by row: how both move the robot, and why not alike.
 
 What each of them holds is compared with the robot by the read-backs. A row has a rank, and two
 limits: the design's, for a warning, and the coarse one of practice, for an error.
@@ -6,25 +6,59 @@ limits: the design's, for a warning, and the coarse one of practice, for an erro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import functools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from assetbuild.alignment.asked import experiments_of
-from assetbuild.alignment.moved import Compared, FloorLimits
-from assetbuild.alignment.row import Row, findings_of
+import numpy as np
+from pydantic import Field
+
+from assetbuild.alignment.asked import DROP_M, End, experiments_of
+from assetbuild.alignment.row import SLOWER, SOFT, Row, findings_of
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.plugin_types import write_figures
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import SimulatorCheck, Swing
-from assetbuild.simulators.free_fall import Fall
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Outcome,
+    SimulatorCheck,
+    Sine,
+    Swing,
+    compare_response,
+)
+from assetbuild.simulators.free_fall import Fall, fall_of
 from assetbuild.simulators.mujoco.motion import perform
 
 RANKS = ("HIGH", "MEDIUM")
 VERDICTS = ("error", "warning", "ok", "told")
+FRICTION, COUPLING = "dry friction", "coupling of joints"
+EXPLAINED = 0.5
+"""Share of a difference that must be gone before a reason counts as one."""
+FALLEN_RAD = math.radians(20.0)
+RAD, METRE = (0.01, 0.1), (0.001, 0.01)
+"""How much further past a limit than in MuJoCo: a warning, an error."""
+SHORTER = "a shorter `simulation.timestep` brings them together"
+OFF = ("warning", "error")
+
+
+class FloorLimits(Model):
+    """Where two engines may part on a floor: a warning, and an error."""
+
+    stand_height: tuple[Positive, Positive] = Field(
+        (0.005, 0.01), description="m, between the roots after standing"
+    )
+    landing: tuple[Positive, Positive] = Field(
+        (0.03, 0.1), description="share of the time that a fall from 1 m takes, of either engine"
+    )
 
 
 class AlignmentCheck(SimulatorCheck):
@@ -54,18 +88,8 @@ class AlignmentCheck(SimulatorCheck):
             return
         experiments = experiments_of(tree, control, self.sine)
         theirs = self.perform(files.inputs, tuple(experiments.values()))
-        both = Compared(
-            tree,
-            control,
-            self.sine or Swing(),
-            self.fall,
-            self.floor,
-            self.iterations,
-            lambda asked: perform(mjcf, self.robot, (asked,))[asked.name],
-            experiments,
-            theirs,
-        )
-        rows = [*both.rows()]
+        ours = functools.partial(perform, mjcf, self.robot)
+        rows = [*Compared(self, tree, control, ours, experiments, theirs).rows()]
         if (held := theirs["load"].held) is not None:
             rows += self.held_rows(model, held, tree)
         rows.sort(key=lambda row: (RANKS.index(row.rank), VERDICTS.index(row.verdict)))
@@ -79,3 +103,223 @@ class AlignmentCheck(SimulatorCheck):
     def held_rows(self, model: mujoco.Model, held: Any, tree: Tree) -> Iterator[Row]:
         """Rows about what the other engine holds. held: as it says. Any: JSON."""
         yield from ()
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The robot and both simulators: MuJoCo is asked for what the other has done."""
+
+    limits: AlignmentCheck
+    tree: Tree
+    control: Control
+    mujoco: Callable[[Experiment], Outcome]
+    asked: Mapping[str, Experiment]
+    theirs: Mapping[str, Outcome]
+
+    def rows(self) -> Iterator[Row]:
+        """A row for each joint or robot of each experiment that both brought to its end."""
+        for name, of in ROWS.items():
+            done = self.theirs.get(name)
+            if done is None or not done.finite or done.motion is None:
+                continue
+            ours = self.mujoco(self.asked[name])
+            if ours.motion is not None:
+                yield from of(self, self.asked[name], ours.motion, done.motion)
+
+
+Rows = Callable[[Compared, Experiment, Motion, Motion], Iterator[Row]]
+
+
+def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
+    """The drop of each against the law of its own integrator."""
+    one = fall_of(asked, Outcome(None, ours))
+    two = fall_of(asked, Outcome(None, theirs), both.limits.iterations)
+    if one is not None and two is not None:
+        yield Row(
+            "free_fall",
+            "HIGH",
+            "robot",
+            f"{one.drop_m:.6g} m of {one.expected_m:.6g}",
+            f"{two.drop_m:.6g} m of {two.expected_m:.6g}",
+            max(one.relative_error, two.relative_error),
+            both.limits.fall.tolerance,
+            both.limits.fall.error_limit,
+            "of the drop",
+        )
+
+
+# --- sines --------------------------------------------------------------------------------------
+
+
+def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
+    """How each joint follows its sine."""
+    sine = asked.sine
+    assert sine is not None  # noqa: S101 # made so
+    is_pure, wish = not asked.setting.rubbing, both.limits.sine or Swing()
+    soft = {joint.mimic.joint: COUPLING for joint in both.tree.joints if joint.mimic}
+    if not is_pure:
+        soft |= {a.joint: FRICTION for a in both.control.actuators if a.friction > 0.0}
+    hasty, hard = "" if is_pure else _hasty(both.control, ours), None
+    # After a touch two motions have nothing more to do with one another: told, not judged.
+    warn = wish.tolerance if is_pure else wish.tolerance_as_is
+    limits = (math.inf, math.inf) if ours.touched else (warn, wish.error_limit)
+    unit = f"of the swing, RMS{_unfair(both.tree, sine, ours)}"
+    for joint, swing in sine.swing.items():
+        if swing <= 0.0:
+            continue
+        response = compare_response(sine, joint, ours, theirs)
+        moved = f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later"
+        swung = f"swing {response.swing:.5g}"
+        row = Row(asked.name, "HIGH", f"joint {joint}", swung, moved, response.rms, *limits, unit)
+        if joint in soft and row.verdict in OFF:
+            firm = replace(asked, setting=replace(asked.setting, hard=True))
+            hard = hard or both.mujoco(firm).motion
+            row = row if hard is None else _explained(row, sine, joint, soft, hard, theirs)
+        if hasty and not row.because and row.verdict in OFF:
+            row = replace(row, because=hasty, advice=SLOWER)
+        yield row
+
+
+def _unfair(tree: Tree, sine: Sine, ours: Motion) -> str:
+    """What lets two motions part that began alike, for the reader."""
+    if ours.touched:
+        return "; the robot touches itself"
+    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
+    loose = [joint.name for joint in moving if sine.swing[joint.name] == 0.0]
+    count = f"{len(loose)} joints without a drive of positions or speeds"
+    return f"; {count} swing freely, where small differences grow" if loose else ""
+
+
+def _hasty(control: Control, ours: Motion) -> str:
+    """The joint that is most above its limit of speed in MuJoCo, which has none; or "".
+
+    Thrown about by what carries it, a wrist passes it whatever its own drive is asked, and what
+    hangs on it and what carries it move otherwise too.
+    """
+    worst, message = 1.0, ""
+    for joint, angle in ours.joints.items():
+        drive = control.by_joint.get(joint)
+        if drive is None or not drive.velocity:
+            continue
+        fastest = float(np.abs(np.gradient(angle, ours.time)).max())
+        if fastest > worst * drive.velocity:
+            worst = fastest / drive.velocity
+            message = (
+                f"MuJoCo has no limit of speed: `{joint}` moves at {fastest:.3g}, its limit is "
+                f"{drive.velocity:.3g} rad/s or m/s"
+            )
+    return message
+
+
+def _explained(
+    row: Row, sine: Sine, joint: str, soft: Mapping[str, str], hard: Motion, theirs: Motion
+) -> Row:
+    """The row with its reason, where MuJoCo agrees once its constraints are hard: within the
+    warning, or twice as well and no error.
+
+    MuJoCo's dry friction and its coupling of joints are soft constraints: under a torque tau
+    below the limit of friction a joint of inertia M creeps by v = (1 - d) tau / (d b M), d and
+    b of solimp and solref. A hip stands; a wrist of 1e-3 kg m2 moves by 1 rad/s for each N m,
+    where PhysX's joint sticks. A coupled finger gives way by a like amount.
+    """
+    left = compare_response(sine, joint, hard, theirs).rms
+    if not left <= max(row.warn, min(row.error, EXPLAINED * (row.off or 0.0))):
+        return row
+    because = f"MuJoCo's {soft[joint]} is soft: made hard, {left:.3g} apart"
+    return replace(row, because=because, advice=SOFT)
+
+
+# --- stops --------------------------------------------------------------------------------------
+
+
+def stop_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
+    """How far each driven joint runs past its limit; why further, where shorter steps agree."""
+    rows = list(_past_rows(both.tree, asked, ours, theirs))
+    fine, calm = both.asked[f"{asked.name}_fine"], None
+    done = both.theirs[fine.name]
+    if any(row.verdict in OFF for row in rows) and done.finite and done.motion is not None:
+        calm = both.mujoco(fine).motion
+    apart: dict[str, Row] = {}
+    if calm is not None and done.motion is not None:
+        apart = {row.subject: row for row in _past_rows(both.tree, fine, calm, done.motion)}
+    for row in rows:
+        short = apart.get(row.subject)
+        if row.verdict in OFF and short is not None and short.verdict == "ok":
+            steps = f"in steps of {fine.setting.timestep:g} s, {short.off:.2g} apart"
+            row = replace(row, because=f"the integrators part: {steps}", advice=SHORTER)
+        yield row
+
+
+def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
+    """A row for each joint that was driven: beyond its limit, rad or m, the largest of the run."""
+    assert asked.sine is not None  # noqa: S101 # made so
+    end: End = "lower" if asked.name.startswith("past_lower") else "upper"
+    for joint in tree.moving_joints:
+        if not asked.sine.swing[joint.name]:
+            continue
+        past = [_past(motion.joints[joint.name], joint.bounds, end) for motion in (ours, theirs)]
+        linear = joint.kind == "prismatic"
+        yield Row(
+            f"past_{end}",
+            "HIGH",
+            f"joint {joint.name}",
+            past[0],
+            past[1],
+            max(0.0, past[1] - max(0.0, past[0])),
+            *(METRE if linear else RAD),
+            "m further" if linear else "rad further",
+        )
+
+
+def _past(track: Array, ends: tuple[float, float], end: End) -> float:
+    """Negative where the joint stays before its limit."""
+    return float(track.max()) - ends[1] if end == "upper" else ends[0] - float(track.min())
+
+
+# --- on the floor -------------------------------------------------------------------------------
+
+
+def stand_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
+    """Where the root stands at the end; two falls have nothing to do with one another."""
+    one, two = float(ours.root[-1, 2]), float(theirs.root[-1, 2])
+    _, x, y, _ = ours.turn[-1]
+    tilt = math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * float(x * x + y * y))))
+    falls = tilt > FALLEN_RAD
+    limits = (math.inf, math.inf) if falls else both.limits.floor.stand_height
+    unit = "m; it falls over in MuJoCo, as the check `stand` would say" if falls else "m"
+    yield Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), *limits, unit)
+
+
+def landing_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
+    """When each lands, against the law of falling."""
+    down = abs(both.control.simulation.gravity[2])
+    if down == 0.0:
+        return
+    ideal = math.sqrt(2.0 * DROP_M / down)
+    one, two = _landing_time(ours), _landing_time(theirs)
+    off = max(abs(time - ideal) / ideal for time in (one, two))
+    yield Row(
+        "landing_s", "MEDIUM", "robot", one, two, off, *both.limits.floor.landing, "of the time"
+    )
+
+
+def _landing_time(motion: Motion) -> float:
+    """When the centre of mass has fallen as far as the soles had to go; inf when it never did."""
+    fallen = motion.com[0, 2] - motion.com[:, 2]
+    reached = np.flatnonzero(fallen >= DROP_M)
+    if not len(reached):
+        return math.inf
+    last = int(reached[0])
+    return float(np.interp(DROP_M, fallen[last - 1 : last + 1], motion.time[last - 1 : last + 1]))
+
+
+ROWS: Mapping[str, Rows] = {
+    "fall": fall_rows,
+    "sine": sine_rows,
+    "sine_as_is": sine_rows,
+    "past_lower": stop_rows,
+    "past_upper": stop_rows,
+    "stand": stand_rows,
+    "drop": landing_rows,
+}
+"""What is compared of each experiment."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from assetbuild.findings import Finding, Rule, rounded
+from assetbuild.findings import Finding, Rule, known, rounded
 
 Rank = Literal["HIGH", "MEDIUM"]
 
@@ -63,10 +63,7 @@ class Row:
             engine.lower(): self.theirs,
             "off": self.off if self.off is None else rounded(self.off, self.warn),
         }
-        plain = {
-            key: None if isinstance(value, float) and not math.isfinite(value) else value
-            for key, value in values.items()
-        }
+        plain = {key: known(value) for key, value in values.items()}
         head: dict[str, object] = {"rank": self.rank, "row": self.name, "of": self.subject}
         reason = {"because": self.because} if self.because else {}
         return head | plain | {"unit": self.unit, "verdict": self.verdict} | reason
@@ -88,7 +85,7 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
             f"{f'; {worst.because}' if worst.because else ''}{more}",
             severity="error" if worst.verdict == "error" else "warning",
             hint=_hint(worst, engine),
-            data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
+            data={"rank": worst.rank, "off": known(worst.off), "rows": len(bad)},
         )
 
 
@@ -102,11 +99,6 @@ def _hint(row: Row, engine: str) -> str:
         return row.advice
     known = HINTS.get(f"{row.name} {engine}") or HINTS.get(row.name)
     return known or "the report's table of the check has every row"
-
-
-def _finite(value: float | None) -> float | None:
-    """JSON has no NaN and no infinity."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 def _text(value: float | str) -> str:

@@ -2,7 +2,7 @@
 
 _FILES = {
     "_foreign": ("asset_validator", "mjcf_doctor", "simcheck", "simready"),
-    "_mujoco": ("free_fall", "grip", "loops", "slope"),
+    "_mujoco": ("free_fall", "grip", "loops", "policy_orders", "slope"),
     "_newton": (
         "newton_alignment",
         "newton_grip",

@@ -49,10 +49,6 @@ class ForeignTool(Check):
     robot: str
     """Name of the robot: the stem of the main file."""
 
-    def command(self) -> Sequence[str]:
-        """Those words, of this robot."""
-        return [word.format(tool=self) for word in self.words]
-
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
         """The report's findings; puts its numbers into `figures`.
 
@@ -83,7 +79,7 @@ class ForeignTool(Check):
             place = Path(shutil.copytree(folder, Path(scratch).resolve() / "files"))
             try:
                 done = subprocess.run(
-                    [str(self.interpreter()), "-P", *self.command()],
+                    [str(self.interpreter()), "-P", *(w.format(tool=self) for w in self.words)],
                     cwd=place,
                     env=environment(),
                     stdin=subprocess.DEVNULL,
@@ -189,7 +185,7 @@ class Validator(ForeignTool, ConsumerCheck):
         """The Python of the validator's environment."""
         python = self.home.python(World())
         if python is None:
-            raise StepError(f"the environment of {self.consumer} is not there", hint=self.absent())
+            raise StepError(f"the environment of {self.home.name} is not there", hint=self.absent())
         return python
 
 
@@ -214,7 +210,6 @@ class SimReady(Validator):
     """Robot-Gripper for what `usd.robot_type` calls an end effector, else Robot-Body."""
 
     own_name = "simready"
-    consumer: ClassVar[str] = "simready"
     home: ClassVar[Environment] = Environment(
         "simready", ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0")
     )
@@ -307,7 +302,6 @@ class AssetValidator(Validator):
     """
 
     own_name = "asset_validator"
-    consumer: ClassVar[str] = "asset_validator"
     home: ClassVar[Environment] = Environment(
         "asset_validator", ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2")
     )

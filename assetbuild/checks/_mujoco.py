@@ -9,14 +9,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.engine.step import Limits
-from assetbuild.findings import Rule
+from assetbuild.engine.step import Files, Limits
+from assetbuild.findings import Finding, Rule
+from assetbuild.plugin_types import write_figures
+from assetbuild.policy.counting import known_joints, order_findings, read_contract
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.free_fall import FreeFallCheck
 from assetbuild.simulators.gripping import GripCheck
 from assetbuild.simulators.loops import LoopCheck
-from assetbuild.simulators.mujoco.drives import servoed
+from assetbuild.simulators.mujoco.drives import read_drives, servoed
 from assetbuild.simulators.mujoco.grip import Grip, Try, grip
 from assetbuild.simulators.mujoco.hands import Hand
 from assetbuild.simulators.mujoco.motion import MujocoCheck
@@ -62,6 +64,31 @@ class FreeFall(FreeFallCheck, MujocoCheck):
     rounding: ClassVar[float] = 1e-9
 
 
+class PolicyOrders(mujoco.InMujoco):
+    """Does MuJoCo count the joints as the policy's contract says?
+
+    Figures: joints, and whether drives are counted as their joints.
+    """
+
+    own_name = "policy_orders"
+    needs: ClassVar[tuple[str, ...]] = ("policy", "mjcf")
+    reads: ClassVar[tuple[str, ...]] = ()
+
+    robot: str
+    """Name of the robot: the stem of its files."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Compares names in their order."""
+        model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml", visuals=False).model
+        counted = list(mujoco.joints(model))
+        drives = [drive.joint_name for drive in read_drives(model)]
+        alike = drives == [name for name in counted if name in drives]
+        contract = read_contract(files.inputs / "policy")
+        there = known_joints(contract, counted)
+        write_figures(files, {"joints": len(there), "drives_as_joints": alike})
+        yield from order_findings(contract, "mujoco", counted)
+
+
 class Loops(LoopCheck, MujocoCheck):
     """Swings the driven joints of `mjcf/<robot>.xml`, its base held, and measures every gap."""
 
@@ -77,13 +104,6 @@ class Slope(SlopeCheck, MujocoCheck):
     reads: ClassVar[tuple[str, ...]] = ("control.json",)
     creeps: ClassVar[Rule] = CREEP
 
-    def scenes(
-        self, inputs: Path, figures: dict[str, object]
-    ) -> Iterator[tuple[str, str, mujoco.Model]]:
-        """`mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
-        for target, path, model in mujoco.full_and_mjx_models(inputs, "scene", figures):
-            yield target, path.name, model
-
     def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
         """In MuJoCo, whose ground tilts while the robot stands on it."""
         return creep(servoed(model, robot.control), self.wish.share, self.wish.speed)
@@ -97,11 +117,6 @@ class Gripping(GripCheck, MujocoCheck):
     limits: ClassVar[Limits] = Limits(wall_s=1200.0)  # of two hands, on a busy machine
     lost: ClassVar[Rule] = LOST
     no_hand: ClassVar[Rule | None] = NO_HAND
-
-    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
-        """`mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
-        for target, path in mujoco.full_and_mjx(inputs, self.robot):
-            yield target, path.name, path
 
     def grips(
         self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]

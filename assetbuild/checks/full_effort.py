@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.findings import Finding, Rule, Severity, known
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import Array
@@ -124,8 +124,7 @@ def _worst(pushed: Sequence[Pushed]) -> dict[str, object]:
     for kind, slides in (("turn", False), ("slide", True)):
         one = max((one for one in pushed if one.slides == slides), key=_error, default=None)
         if one is not None:
-            known = one.error if math.isfinite(one.error) else None
-            worst[kind] = {"error": known, "joint": one.joint}
+            worst[kind] = {"error": known(one.error), "joint": one.joint}
     return worst
 
 

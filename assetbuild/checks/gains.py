@@ -166,7 +166,7 @@ class Gains(Check):
         write_figures(files, figures, limits)
         for name, one in joints.items():
             actuator, slides = control.by_joint[name], tree.by_joint[name].kind == "prismatic"
-            yield from _judge_strength(actuator, one, slides, self.torque, self.sag)
+            yield from self._judge_strength(actuator, one, slides=slides)
             yield from self._judge_stability(one, timestep, name)
             yield from self._judge_damping(actuator, one)
         if self.inherited and joints:
@@ -199,6 +199,37 @@ class Gains(Check):
             margin=(4.0 + 2.0 * c) / (a + 2.0 * b) if bounded else None,
             per_tenth_rad=kp * SMALL_ERROR_RAD,
         )
+
+    def _judge_strength(
+        self, actuator: Actuator, one: Effective, *, slides: bool
+    ) -> Iterator[Finding]:
+        subject, (way, unit) = (
+            f"actuator {actuator.joint}",
+            ("m", "N") if slides else ("rad", "N m"),
+        )
+        if one.load is not None and one.load > self.torque:
+            cannot = one.load > 1.0
+            yield TORQUE(
+                subject,
+                f"{'cannot hold' if cannot else 'hardly holds'} its pose: {one.holding:.3g} of "
+                f"{actuator.effort:g} {unit}",
+                severity="error" if cannot else "warning",
+                data={"holding": one.holding, "load": one.load},
+            )
+        if one.sag is not None and one.sag > self.sag:
+            yield SAG(
+                subject,
+                f"gives way by {one.sag:.3g} {way} under the robot's weight at kp "
+                f"{actuator.kp:.3g}",
+                data={"sag": one.sag, "limit": self.sag},
+            )
+        if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
+            most = actuator.effort / actuator.kp
+            yield SATURATED(
+                subject,
+                f"saturates at {most:.3g} {way} of error: it acts as a switch rather than a spring",
+                data={"error_at_limit": most},
+            )
 
     def _judge_stability(self, one: Effective, timestep: float, joint: str) -> Iterator[Finding]:
         if one.margin is not None and one.margin < self.margin:
@@ -233,35 +264,6 @@ class Gains(Check):
             message = f"the drive's kd {kd:.3g} and the joint's damping {actuator.damping:.3g}"
             data = {"kd": kd, "damping": actuator.damping}
             yield DAMPED_TWICE(subject, f"{message} add up", data=data)
-
-
-def _judge_strength(
-    actuator: Actuator, one: Effective, slides: bool, torque: float, sag: float
-) -> Iterator[Finding]:
-    """torque: most share of the effort; sag: most way off the target."""
-    subject, (way, unit) = f"actuator {actuator.joint}", ("m", "N") if slides else ("rad", "N m")
-    if one.load is not None and one.load > torque:
-        cannot = one.load > 1.0
-        yield TORQUE(
-            subject,
-            f"{'cannot hold' if cannot else 'hardly holds'} its pose: {one.holding:.3g} of "
-            f"{actuator.effort:g} {unit}",
-            severity="error" if cannot else "warning",
-            data={"holding": one.holding, "load": one.load},
-        )
-    if one.sag is not None and one.sag > sag:
-        yield SAG(
-            subject,
-            f"gives way by {one.sag:.3g} {way} under the robot's weight at kp {actuator.kp:.3g}",
-            data={"sag": one.sag, "limit": sag},
-        )
-    if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
-        most = actuator.effort / actuator.kp
-        yield SATURATED(
-            subject,
-            f"saturates at {most:.3g} {way} of error: it acts as a switch rather than a spring",
-            data={"error_at_limit": most},
-        )
 
 
 def _inherited(frequencies: Sequence[float]) -> Finding:

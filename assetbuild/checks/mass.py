@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -21,7 +21,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
 from assetbuild.mesh.triangles import TriangleMesh, solid_moments
-from assetbuild.plugin_types import Check, RecipeView, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.contradictions import Extent, contradictions
 from assetbuild.robot.files import RobotFiles
@@ -119,6 +119,7 @@ class Mass(Check):
 
     section = "validate.mass"
     about = "masses against what is known of the robot and of matter"
+    recipe_fields: ClassVar = {"absent": "source.missing.visuals"}
 
     total_kg: Positive | None = Field(
         None, description="kg, of the whole robot from its datasheet; null = not known"
@@ -132,20 +133,13 @@ class Mass(Check):
     )
     max_angle: float = math.radians(50.0)
     """Between the long axes of body and hull."""
-    lacks_visuals: bool = False
-    """Whether the source names meshes that it does not bring: no hull shows how large those are."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """Also notes whether the source lacks visual meshes."""
-        values = super().values(recipe)
-        missing = recipe.value("source.missing.visuals")
-        return None if values is None else values | {"lacks_visuals": bool(missing)}
+    absent: tuple[str, ...] | None = None
+    """Meshes that the source names and does not bring: no hull shows how large those are."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
-        tree, unknown = robot.tree, _half_seen(robot) if self.lacks_visuals else set[str]()
+        tree, unknown = robot.tree, _half_seen(robot) if self.absent else set[str]()
         parts = hulls_by_body(robot)
         hulls = {key: common_hull(parts[key]) for key in parts if key[0] not in unknown}
         every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}

@@ -6,7 +6,7 @@ The lints need the compiled model too, so they run here: compiling is what costs
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -19,7 +19,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import Loaded, load, mj
+from assetbuild.simulators.mujoco import load, mj
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
 LOAD = Rule(
@@ -48,22 +48,15 @@ class MjcfCompiles(Check):
         """Reads `mjcf/*.xml` with their assets."""
         figures: dict[str, dict[str, int]] = {}
         for path in sorted((files.inputs / "mjcf").glob("*.xml")):
-            try:
-                # The reader of facts compiles the robot's meshes; the floor and sky nobody else.
-                is_scene = path.name == "scene.xml"
-                loaded = load(path, visuals=is_scene, change=without_visual_meshes)
-            except StepError as error:
-                yield LOAD(
-                    "robot",
-                    f"MuJoCo refuses {path.name}: {error.message}",
-                    hint="an error in the source often shows here first: see the lints",
-                )
+            # The reader of facts compiles the robot's meshes; the floor and sky nobody else.
+            is_scene = path.name == "scene.xml"
+            hint = "an error in the source often shows here first: see the lints"
+            model = yield from _loaded(path, hint, is_scene, without_visual_meshes)
+            if model is None:
                 continue
-            model = loaded.model
             figures[path.name] = {word: int(getattr(model, n)) for word, n in SIZES.items()}
             figures[path.name]["bodies"] -= 1  # the world
-            yield from said_by_mujoco(path.name, loaded)
-            if path.name != "scene.xml":  # the scene includes the robot: nothing twice
+            if not is_scene:  # it includes the robot: nothing twice
                 yield from lint_text(path)
                 yield from lint_model(model)
         write_figures(files, figures)
@@ -79,25 +72,29 @@ def without_visual_meshes(spec: Any) -> None:  # Any: MuJoCo's MjSpec
         spec.delete(mesh)
 
 
-def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
-    """One finding for each warning of the compiler."""
-    for warning in dict.fromkeys(loaded.warnings):
-        yield WARNING("robot", f"MuJoCo on {name}: {warning}")
-
-
 def lint_file(path: Path) -> Iterator[Finding]:
     """Everything that can be said about one MJCF file, foreign or our own."""
     if pipe := next(_pipes(path), None):
         yield LOAD("robot", f"`{pipe}`, which {path.name} names, is no file that can be read")
         return
+    model = yield from _loaded(path)
+    if model is not None:
+        yield from lint_text(path)
+        yield from lint_model(model)
+
+
+def _loaded(
+    path: Path, hint: str = "", visuals: bool = True, change: Callable[[Any], None] | None = None
+) -> Generator[Finding, None, mujoco.Model | None]:  # Any: as above
+    """The model, None where MuJoCo refuses it; one finding for each warning of the compiler."""
     try:
-        loaded = load(path)
+        loaded = load(path, visuals=visuals, change=change)
     except StepError as error:
-        yield LOAD("robot", f"MuJoCo refuses {path.name}: {error.message}")
-        return
-    yield from said_by_mujoco(path.name, loaded)
-    yield from lint_text(path)
-    yield from lint_model(loaded.model)
+        yield LOAD("robot", f"MuJoCo refuses {path.name}: {error.message}", hint)
+        return None
+    for warning in dict.fromkeys(loaded.warnings):
+        yield WARNING("robot", f"MuJoCo on {path.name}: {warning}")
+    return loaded.model
 
 
 def _pipes(path: Path) -> Iterator[str]:
@@ -192,7 +189,6 @@ def _element(element: Xml) -> Iterator[Finding]:
             yield RANGE(
                 where,
                 f"{name} {low:g} to {high:g}: the low end is not below the high",
-                hint="swap them",
                 data={"low": low, "high": high},
             )
 
@@ -276,7 +272,6 @@ def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> I
         yield rule(
             subject,
             f"keyframe `{key}`: {value:g} is outside {low:g}..{high:g}",
-            hint="choose a value inside",
             data={"keyframe": key, "value": float(value), "lower": low, "upper": high},
         )
 

@@ -49,12 +49,11 @@ class MjlabContract(Check):
         """Reads `mjlab/mjcf/<robot>_bare.xml` and the module."""
         folder = files.inputs / "mjlab"
         try:
-            loaded = mujoco.load(folder / f"mjcf/{self.robot}_bare.xml", visuals=False)
+            model = mujoco.load(folder / f"mjcf/{self.robot}_bare.xml", visuals=False).model
             records = [recorded(file, (TASK,)) for file in sorted(folder.glob("python/*.py"))]
         except (StepError, UsageError) as error:
             write_figures(files, {NOT_LOADED: error.message})
             return  # the readers of both files say so
-        model = loaded.model
         write_figures(files, {"sensors": int(model.nsensor), "sites": int(model.nsite)})
         for record in records:
             for message in (*_unknown(record, model), *_unpaired(record, model)):

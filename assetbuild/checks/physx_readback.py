@@ -14,8 +14,8 @@ from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import PHYSX, Held, physx_expected, physx_table
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table, Value
-from assetbuild.findings import Finding, Rule
+from assetbuild.facts.table import Table
+from assetbuild.findings import Finding, Rule, known
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
@@ -69,11 +69,16 @@ class PhysxReadback(physx.PhysxCheck):
             {
                 **{word: held[word] for word in ("articulations", "dof", "shapes", "fixed_base")},
                 "bodies": len(held["bodies"]),
-                "mass_kg": _finite(sum(link["mass"][0] for link in held["bodies"].values())),
+                "mass_kg": known(sum(link["mass"][0] for link in held["bodies"].values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
                 "joints": {
-                    name: _joint_figures(table.of("joint", name)) for name in held["joints"]
+                    name: {
+                        word: known(value)
+                        for word, value in table.of("joint", name).items()
+                        if isinstance(value, float | None)
+                    }
+                    for name in held["joints"]
                 },
             },
         )
@@ -97,17 +102,6 @@ def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experime
         Experiment("alone", plain, steps=round(0.2 / dt), every=10),
         Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
     )
-
-
-def _finite(value: float) -> float | None:
-    """JSON has no NaN and no infinity."""
-    return value if math.isfinite(value) else None
-
-
-def _joint_figures(joint: Mapping[str, Value]) -> dict[str, float | None]:
-    """The numbers of a joint."""
-    numbers = {name: value for name, value in joint.items() if isinstance(value, float | None)}
-    return {name: None if v is None else _finite(v) for name, v in numbers.items()}
 
 
 def _differing(held: Held, table: Table, expected: Table) -> Iterator[Finding]:

@@ -15,7 +15,7 @@ from assetbuild.plugin_types import write_figures
 from assetbuild.policy.compare import compare
 from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.opening import open_policy, runnable
-from assetbuild.policy.replay import Replay, replay
+from assetbuild.policy.replay import replay
 from assetbuild.policy.robot import bot_from
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.actuator_table import Key, RowError
@@ -82,19 +82,15 @@ class PolicyCheck(mujoco.InMujoco):
                 done = replay(policy, bot, network, world, self.command, self.seconds)
         except UsageError as error:
             raise StepError(error.message, hint=error.hint) from None
-        write_figures(files, figures(done))
+        figures = {
+            "verdict": done.verdict,
+            "seconds": done.seconds,
+            "velocity": done.velocity,
+            "moved_m": done.moved,
+            "tilt_rad": done.tilt,
+        }
+        write_figures(files, figures)
         if not done.follows:
             speed, asked = done.velocity[0], self.command[0]
             text = f"it {done.verdict}: {speed:.2f} m/s forward, {asked:g} m/s asked for"
             yield FAILS("policy", text, data={"seconds": done.seconds, "error": done.error})
-
-
-def figures(done: Replay) -> dict[str, object]:
-    """The numbers of a run."""
-    return {
-        "verdict": done.verdict,
-        "seconds": done.seconds,
-        "velocity": done.velocity,
-        "moved_m": done.moved,
-        "tilt_rad": done.tilt,
-    }

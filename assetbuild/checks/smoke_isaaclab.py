@@ -7,12 +7,10 @@ an installation, of 2.x in Isaac Sim too, names it by an environment variable.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.engine.world import World
 from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
@@ -35,7 +33,6 @@ from assetbuild.simulators.consumers import (
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
 BEYOND_IMPORTS = ("assetbuild.simulators.isaaclab_child",)
-VARIABLE = "ASSETBUILD_ISAACLAB"
 ENGINES = {"newton": "Newton", "physx": "PhysX"}
 FALLS = Rule(
     "smoke.fall",
@@ -54,39 +51,21 @@ FALL_SLACK = 0.05
 """Relative, as in `alignment`: the engines do not start their first step alike."""
 
 
-class Installed(Environment):
-    """The user's own installation where an environment variable names it, else ours."""
-
-    def python(self, world: World) -> Path | None:
-        """Return the named interpreter, else our environment's; None where it is missing."""
-        named = world.variable(VARIABLE)
-        if named:
-            return Path(named) if world.is_file(Path(named)) else None
-        return super().python(world)
-
-    def make(self, say: Callable[[str], None]) -> Path:
-        """Return the named interpreter, else make our environment."""
-        named = World().variable(VARIABLE)
-        return Path(named) if named else super().make(say)
-
-
 class SmokeIsaacLab(ConsumerCheck):
     """Runs `python/<robot>_isaaclab_measure.py` on each engine and compares what it reads back."""
 
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
-    consumer: ClassVar[str] = "isaaclab"
-    home: ClassVar[Environment] = Installed(
-        "isaaclab", ("isaaclab[ovphysx]==3.0.0",), (3, 12), size="about 10 GB on disk"
+    home: ClassVar[Environment] = Environment(
+        "isaaclab",
+        ("isaaclab[ovphysx]==3.0.0",),
+        (3, 12),
+        size="about 10 GB on disk",
+        variable="ASSETBUILD_ISAACLAB",
     )
 
     bounds: SmokeBounds = SmokeBounds()
-
-    @classmethod
-    def absent(cls) -> str:
-        """Return how to make the environment, or how to name an installation."""
-        return f"{super().absent()}, or set {VARIABLE} to your installation's Python"
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: by engine, what was compared and what became of the robot."""

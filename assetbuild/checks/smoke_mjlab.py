@@ -42,7 +42,6 @@ class SmokeMjlab(ConsumerCheck):
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
-    consumer: ClassVar[str] = "mjlab"
     home: ClassVar[Environment] = Environment(
         "mjlab", ("mjlab==1.6.0",), size="3.4 GB to download, 6.7 GB on disk"
     )

@@ -20,10 +20,11 @@ from assetbuild.findings import Finding
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.shapes import Shapes
+from assetbuild.simulators import stages
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE
-from assetbuild.simulators.experiments import Outcome
+from assetbuild.simulators.experiments import Experiment, Outcome, load
 from assetbuild.simulators.newton import NewtonCheck
-from assetbuild.simulators.stages import answers
+from assetbuild.simulators.stage_world import StageNames
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers, usd_identifiers
 
 LIGHT = (
@@ -53,7 +54,7 @@ class SmokeNewton(NewtonCheck):
             for kind, path in paths.items()
         ]
         with tempfile.TemporaryDirectory(prefix="newton-") as folder:
-            done = answers(self.start, Path(folder).resolve(), runs)
+            done = stages.answers(self.start, Path(folder).resolve(), runs)
         figures: dict[str, object] = {}
         summaries = []
         for kind, outcome in done.items():
@@ -75,21 +76,14 @@ class SmokeNewton(NewtonCheck):
 
 def run_of(name: str, file: Path, robot: RobotFiles, steps: int) -> dict[str, object]:
     """Read a file and step it; with the robot's names by those of the file."""
-    bodies, joints = body_identifiers(robot.tree), joint_identifiers(robot.tree)
     solid = usd_identifiers(shape.name for shape in robot.shapes.shapes)
-    named = {"bodies": bodies, "joints": joints, "shapes": solid}
+    named = [body_identifiers(robot.tree), joint_identifiers(robot.tree), solid]
     if file.suffix == ".xml":  # of an MJCF's names Newton changes `-` alone
-        named = {of: {n: n.replace("-", "_") for n in names} for of, names in named.items()}
-    return {
-        "name": name,
-        "stage": str(file),
-        "reads": True,
-        "contacts": True,
-        "steps": steps,
-        "every": steps,
-        "dt": robot.control.simulation.timestep,
-        **{of: {ours: n for n, ours in names.items()} for of, names in named.items()},
-    }
+        named = [{n: n.replace("-", "_") for n in names} for names in named]
+    bodies, joints, shapes = ({ours: n for n, ours in names.items()} for names in named)
+    asked = Experiment(name, load(robot.control).setting, steps, every=steps)
+    run = stages.run_of(asked, StageNames(bodies, joints, frozenset()), file)
+    return run | {"reads": True, "shapes": shapes}
 
 
 def evaluate(

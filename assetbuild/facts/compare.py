@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Comparison, Quantity,
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.robot.pose import normalised_quat, rotation_of
 
+Item = TypeVar("Item")
 EXACT: Mapping[Comparison, float] = {
     "number": 1e-9, "vector": 1e-9, "direction": 1e-9, "pose": 1e-9, "tensor": 1e-9, "length": 1e-9
 }  # fmt: skip
@@ -295,12 +297,11 @@ def _size(table: Table, key: Key, power: int) -> float:
 # --- findings -------------------------------------------------------------------------------
 
 
-def _groups(mismatches: Sequence[Difference]) -> list[list[Difference]]:
-    """Differences of one quantity between the same two values, together; worst first."""
-    groups: dict[tuple[object, ...], list[Difference]] = {}
-    for item in mismatches:
-        same = (item.what, item.key.kind, item.key.quantity, item.before, item.after)
-        groups.setdefault(same, []).append(item)
+def grouped(items: Iterable[Item], same: Callable[[Item], object]) -> list[list[Item]]:
+    """Items that are the same in some respect, together; in their order."""
+    groups: dict[object, list[Item]] = {}
+    for item in items:
+        groups.setdefault(same(item), []).append(item)
     return list(groups.values())
 
 
@@ -315,7 +316,9 @@ def equality_findings(
 
     subject: what the file is called; model: what it is compared with.
     """
-    for same in _groups(mismatches):
+    for same in grouped(
+        mismatches, lambda d: (d.what, d.key.kind, d.key.quantity, d.before, d.after)
+    ):
         first, keys = same[0], [item.key for item in same]
         quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
         data: dict[str, Scalar | tuple[Scalar, ...]] = {}
@@ -381,9 +384,5 @@ def plain_data(value: Value) -> Scalar | tuple[Scalar, ...]:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, tuple):
-        return tuple(_scalar(v) for v in value)
+        return tuple(plain_data(v) for v in value)  # type: ignore[misc] # no tuple holds tuples
     return value
-
-
-def _scalar(value: float | str) -> Scalar:
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

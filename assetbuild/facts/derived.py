@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from assetbuild.facts.table import Value
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Mimic, Tree
+from assetbuild.robot.model import Actuator, Control, Keyframe, Mimic, Tree
 
 SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 """MuJoCo's own softness, of contacts, limits and couplings that state none."""
@@ -26,21 +26,13 @@ def start_of(tree: Tree, control: Control) -> Keyframe:
     """
     if control.initial_keyframe is not None:
         return control.initial_keyframe
-    near = {joint.name: _nearest(joint) for joint in tree.moving_joints}
+    ends = {joint.name: joint.bounds for joint in tree.moving_joints}
+    near = {name: min(max(0.0, lower), upper) for name, (lower, upper) in ends.items()}
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             lead = leader_of(tree, joint.mimic)
             near[joint.name] = lead.offset + lead.multiplier * near[lead.joint]
     return Keyframe("", tuple(near.items()))
-
-
-def _nearest(joint: Joint) -> float:
-    """rad or m."""
-    if joint.kind == "continuous":
-        return 0.0
-    lower, upper = joint.limits.lower, joint.limits.upper
-    low, high = (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
-    return min(max(0.0, low), high)
 
 
 def leader_of(tree: Tree, mimic: Mimic) -> Mimic:

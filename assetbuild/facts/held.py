@@ -21,8 +21,8 @@ from assetbuild.facts.reference import (
     robot_table,
     surface_facts,
 )
-from assetbuild.facts.surface import Surface, measure
-from assetbuild.facts.table import FactCollector, Key, Table, Value
+from assetbuild.facts.surface import Surface
+from assetbuild.facts.table import FactCollector, Table, Value
 from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
@@ -45,6 +45,7 @@ each within 6e-8 of its size. Tensors, places and axes pass a float32 quaternion
 NEWTON = Precision({"number": 2e-6, "vector": 2e-6, "tensor": 1e-5})
 """Newton holds float32, USD states angles in degrees; the tensor passes a diagonal form."""
 
+SURFACE = ("static friction", "dynamic friction", "restitution")
 WEIGHT = ("mass", "centre of mass", "inertia")
 OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
 MIMICS = frozenset({"mimics", "mimic multiplier", "mimic offset"})
@@ -73,65 +74,6 @@ STILL_M = 2e-6
 # --- what any table says, in what a simulator can hold -------------------------------------------
 
 
-def as_physx(table: Table, drive_type: str) -> Table:
-    """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
-    collector = FactCollector()
-    for key, value in table.facts.items():
-        if key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ()):
-            collector.facts[key] = value
-    moving = [name for name in table.names("joint") if _moves(table, name)]
-    collector.put("robot", "", {"physx:dof": float(len(moving))})
-    for name in moving:
-        collector.put("joint", name, _physx_joint(table.of("joint", name), drive_type))
-    for name in table.names("body"):
-        if not table.facts.get(Key("body", name, "mass")):
-            for quantity in WEIGHT:  # `usd.mass_missing` says what PhysX makes up then
-                collector.facts.pop(Key("body", name, quantity), None)
-    rough: dict[str, list[float]] = {name: [] for name in table.names("body")}
-    for name in table.names("shape"):
-        shape = table.of("shape", name)
-        friction = shape.get("friction")
-        if isinstance(friction, tuple):  # of any group of MuJoCo's: it may touch
-            rough.setdefault(str(shape["body"]), []).append(float(friction[0]))
-    for name, values in rough.items():
-        collector.put("body", name, _surfaces(values, values))
-    return collector.table()
-
-
-def _moves(table: Table, joint: str) -> bool:
-    return table.facts.get(Key("joint", joint, "type")) in ("rotary", "linear")
-
-
-def _physx_joint(joint: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
-    model = joint.get("model", "passive")
-    driven, spring = model != "passive", joint.get("stiffness") or 0.0
-    kind = drive_type if driven else "force" if spring else "none"
-    return {
-        "type": joint["type"],
-        "axis": joint["axis"],
-        "lower": joint.get("lower"),
-        "upper": joint.get("upper"),
-        "kp": joint.get("kp", 0.0) if model == "pd" else 0.0 if driven else spring,
-        "kd": joint.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
-        # Where there is no drive there is no effort to limit.
-        "effort": joint.get("effort") if driven else None,
-        "velocity": joint.get("velocity"),
-        "armature": joint.get("armature", 0.0),
-        "friction": joint.get("friction", 0.0),
-        "damping": joint.get("damping", 0.0),
-        "physx:dynamic friction": joint.get("friction", 0.0),
-        "physx:drive": kind,
-    }
-
-
-def _surfaces(static: list[float], dynamic: list[float]) -> dict[str, Value]:
-    facts: dict[str, Value] = {"physx:shapes": float(len(static))}
-    if static:
-        facts["physx:static friction"] = tuple(sorted(static))
-        facts["physx:dynamic friction"] = tuple(sorted(dynamic))
-    return facts
-
-
 def as_newton(table: Table) -> Table:
     """What Newton's solver must hold of it: gains where the simulator integrates the drive.
 
@@ -143,8 +85,8 @@ def as_newton(table: Table) -> Table:
         if weight.get("mass"):
             collector.put("body", name, weight)
     for name in table.names("joint"):
-        if _moves(table, name):
-            joint = table.of("joint", name)
+        joint = table.of("joint", name)
+        if joint.get("type") in ("rotary", "linear"):
             joint |= {end: _stated(joint.get(end)) for end in ("lower", "upper", "effort")}
             inside = joint.get("model") in ("pd", "velocity")
             collector.put("joint", name, {
@@ -152,6 +94,9 @@ def as_newton(table: Table) -> Table:
                 for quantity, value in joint.items()
                 if quantity in HELD_BY_NEWTON["joint"] and (inside or quantity not in OF_DRIVES)
             })  # fmt: skip
+    for key, value in table.facts.items():
+        if key.kind == "shape" and key.quantity in HELD_BY_NEWTON["shape"]:
+            collector.facts[key] = value
     return collector.table()
 
 
@@ -169,29 +114,59 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
 
     mimics: whether the USD couples them.
     """
-    table = as_physx(robot_table(reference), drive_type)
-    collector, control = FactCollector(), reference.control
-    collector.facts |= table.facts
-    starts = dict(start_of(reference.tree, control).joints)
-    coupled = measurable(reference.tree) if mimics else {}
-    springs = free_springs(control)
-    for joint in reference.tree.moving_joints:
+    table, tree, control = robot_table(reference), reference.tree, reference.control
+    collector = FactCollector()
+    light = {body.name for body in tree.bodies if body.is_massless}
+    for key, value in table.facts.items():
+        held = key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ())
+        # `usd.mass_missing` says what PhysX makes up where there is no mass.
+        if held and not (key.quantity in WEIGHT and key.name in light):
+            collector.facts[key] = value
+    collector.put("robot", "", {"physx:dof": float(len(tree.moving_joints))})
+    starts, springs = dict(start_of(tree, control).joints), free_springs(control)
+    coupled = measurable(tree) if mimics else {}
+    for joint in tree.moving_joints:
         row = control.by_joint.get(joint.name)
         target = starts[joint.name] if row and row.model == "pd" and row.kp else None
         if joint.name in springs:
             target = springs[joint.name][1]
-        collector.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
+        facts = _physx_joint(table.of("joint", joint.name), drive_type)
+        facts |= {"start": starts[joint.name], "drive target": target}
         if joint.name in coupled and joint.mimic is not None:
-            collector.put("joint", joint.name, mimic_facts(joint.mimic))
-    for name in table.names("body"):
-        if (count := table.facts[Key("body", name, "physx:shapes")]) and isinstance(count, float):
-            collector.put("body", name, {"physx:restitution": (0.0,) * int(count)})
+            facts |= mimic_facts(joint.mimic)
+        collector.put("joint", joint.name, facts)
+    contacts = dict(control.contacts)
+    rough: dict[str, list[float]] = {body.name: [] for body in tree.bodies}
+    for shape in reference.shapes.of("collision"):
+        friction = contacts.get(shape.name, control.contact).friction[0]
+        rough[tree.placement(shape.link)[0]].append(friction)
+    for name, values in rough.items():
+        collector.put("body", name, _surfaces(values, values, [0.0] * len(values)))
     return collector.table()
 
 
-def physx_table(
-    held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]] | None = None
-) -> Table:
+def _physx_joint(joint: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
+    model, spring = joint["model"], joint.get("stiffness") or 0.0
+    driven = model != "passive"
+    return {quantity: joint[quantity] for quantity in (*OF_JOINTS, "damping", "velocity")} | {
+        "kp": joint["kp"] if model == "pd" else 0.0 if driven else spring,
+        "kd": joint["kd"] if model in ("pd", "velocity") else 0.0,
+        # Where there is no drive there is no effort to limit.
+        "effort": joint["effort"] if driven else None,
+        "physx:dynamic friction": joint["friction"],
+        "physx:drive": drive_type if driven else "force" if spring else "none",
+    }
+
+
+def _surfaces(*columns: list[float]) -> dict[str, Value]:
+    """columns: friction while at rest and while sliding, restitution; a number of each shape."""
+    facts: dict[str, Value] = {"physx:shapes": float(len(columns[0]))}
+    for word, values in zip(SURFACE, columns, strict=True) if columns[0] else ():
+        facts[f"physx:{word}"] = tuple(sorted(values))
+    return facts
+
+
+def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]]) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
     collector = FactCollector()
     collector.put("robot", "", {
@@ -203,14 +178,7 @@ def physx_table(
     massless = {body.name for body in tree.bodies if body.is_massless}
     for name, link in held["bodies"].items():
         shapes = int(link["shapes"][0])  # the columns are padded
-        rough = [
-            sorted(link.get(f"{kind} friction", [])[:shapes]) for kind in ("static", "dynamic")
-        ]
-        collector.put("body", name, _surfaces(*rough))
-        if shapes:
-            collector.put(
-                "body", name, {"physx:restitution": tuple(sorted(link["restitution"][:shapes]))}
-            )
+        collector.put("body", name, _surfaces(*(link.get(w, [])[:shapes] for w in SURFACE)))
         if name not in massless:
             collector.put("body", name, {
                 "mass": link["mass"][0],
@@ -229,7 +197,7 @@ def physx_table(
             collector.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
     for name, row in held["joints"].items():
         collector.put("joint", name, _held_joint(row))
-    for name, facts in (couplings or {}).items():
+    for name, facts in couplings.items():
         collector.put("joint", name, facts)
     return collector.table()
 
@@ -313,9 +281,8 @@ def newton_table(held: Held) -> Table:
     """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
     model: Model = HeldModel(held)
     collector = FactCollector()
-    read_model(model, collector, meshes=NoMeshes())
-    model_table, table = collector.table(), as_newton(collector.table())
-    collector = FactCollector()
+    read_model(model, collector, meshes=NoMeshes(model))
+    table, collector = as_newton(collector.table()), FactCollector()
     collector.put("robot", "", {"newton:dof": float(held["nv"])})
     for index, name in enumerate(held["names"]["joint"]):
         if table.of("joint", name):
@@ -324,26 +291,15 @@ def newton_table(held: Held) -> Table:
             collector.put("joint", name, {"newton:solreflimit": softness})
     for name, law in held["laws"].items():
         collector.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
-    for name in model_table.names("shape"):
-        surface = {
-            word: v
-            for word, v in model_table.of("shape", name).items()
-            if word in HELD_BY_NEWTON["shape"]
-        }
-        collector.put("shape", name, surface)
     return table | collector.table()
 
 
 class NoMeshes(Meshes):
-    """A tetrahedron in place of each mesh, which nobody compares."""
-
-    def __init__(self) -> None:
-        corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=np.float64)
-        self._any = measure(corners[[(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]])
+    """Nothing in place of each mesh, which nobody compares."""
 
     def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
-        """The tetrahedron."""
-        return self._any
+        """A surface without triangles."""
+        return Surface(0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 6)
 
 
 class HeldModel:

@@ -21,10 +21,10 @@ from assetbuild.facts.mjcf_parts import (
 )
 from assetbuild.facts.table import FactCollector, Value, pair_name
 from assetbuild.robot.inertia import tensor_of
-from assetbuild.simulators.mujoco import Model, inertia_of, name_of
+from assetbuild.simulators.mujoco import Model, floats, inertia_of, name_of, turning
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
-from assetbuild.simulators.mujoco.pairs import passes
+from assetbuild.simulators.mujoco.pairs import touching_geoms
 
 LOOPS = {0: "connect", 1: "weld"}
 """Kinds of loops by MuJoCo's number of the equality's type."""
@@ -47,26 +47,25 @@ def read_model(
     Returns the equalities and actuators that the collector now holds.
     """
     bodies = bodies or Bodies(model)
-    moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
-    balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
+    moving = [*turning(model), *np.flatnonzero(model.jnt_type == BALL).tolist()]
     _root(model, collector)
     for body in range(1, model.nbody):
-        collector.put("body", _name(model, "body", body), _body(model, body))
-    for joint in (*moving, *balls):
-        collector.put("joint", _name(model, "joint", joint), _joint(model, joint, bodies))
-    if model.njnt and JOINTS[int(model.jnt_type[0])] == "floating":
-        collector.put("joint", _name(model, "joint", 0), _free_joint(model))
+        collector.put("body", name_of(model, "body", body), _body(model, body))
+    for joint in moving:
+        collector.put("joint", name_of(model, "joint", joint), _joint(model, joint, bodies))
+    if floats(model):
+        collector.put("joint", name_of(model, "joint", 0), _free_joint(model))
     drives = {
         drive.joint_name: drive
         for drive in reversed(read_drives(model))  # the first of several on a joint is its drive
-        if ("actuator", _name(model, "actuator", drive.index)) not in opaque
+        if ("actuator", name_of(model, "actuator", drive.index)) not in opaque
     }
-    elements = {("actuator", _name(model, "actuator", drive.index)) for drive in drives.values()}
+    elements = {("actuator", name_of(model, "actuator", drive.index)) for drive in drives.values()}
     for drive in drives.values():
         _drive(model, drive, collector)
     followers: set[str] = set()
     for equality in range(model.neq):
-        subject = ("equality", _name(model, "equality", equality))
+        subject = ("equality", name_of(model, "equality", equality))
         if subject not in opaque and _equality(bodies, equality, followers, collector):
             elements.add(subject)
     for site in range(model.nsite):
@@ -87,10 +86,6 @@ def read_model(
     return frozenset(elements)
 
 
-def _name(model: Model, kind: str, index: int) -> str:
-    return name_of(model, kind, index)
-
-
 def shape_name(model: Model, geom: int) -> str:
     """Its name; else its place in its body, which a geom of another body leaves alone."""
     body = int(model.geom_bodyid[geom])
@@ -102,9 +97,8 @@ def shape_name(model: Model, geom: int) -> str:
 
 
 def _root(model: Model, collector: FactCollector) -> None:
-    floating = bool(model.njnt) and int(model.jnt_type[0]) == 0
-    facts: dict[str, Value] = {"base": "floating" if floating else "fixed"}
-    if not floating and model.nbody > 1:
+    facts: dict[str, Value] = {"base": "floating" if floats(model) else "fixed"}
+    if not floats(model) and model.nbody > 1:
         pose = pose_of(model.body_pos[1], model.body_quat[1])
         facts["base pose"] = (*pose.xyz, *pose.quat)
     collector.put("robot", "", facts)
@@ -116,8 +110,7 @@ def _body(model: Model, body: int) -> dict[str, Value]:
         "parent": body_name(model, parent),
         "mass": float(model.body_mass[body]),
     }
-    floating = model.njnt and int(model.jnt_type[0]) == 0
-    if parent or floating:
+    if parent or floats(model):
         pose = pose_of(model.body_pos[body], model.body_quat[body])
         facts["pose"] = (*pose.xyz, *pose.quat)
     if facts["mass"] or model.body_inertia[body].any():
@@ -162,15 +155,15 @@ def _free_joint(model: Model) -> dict[str, Value]:
 
 
 def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
-    name = _name(model, "actuator", drive.index)
+    name = name_of(model, "actuator", drive.index)
     kind = "general" if drive.filtered else drive.kind
-    plain, (low, high) = kind != "general", drive.on_joint
+    plain, most = kind != "general", max(-drive.on_joint[0], drive.on_joint[1])
     facts: dict[str, Value] = {
         "model": {"servo": "pd"}.get(kind, kind),
         "kp": drive.kp if plain else 0.0,
         "kd": drive.kd if plain else 0.0,
         "gear": drive.gear,
-        "effort": max(-low, high) if math.isfinite(high) else None,
+        "effort": most if math.isfinite(drive.on_joint[1]) else None,
         "command range": drive.ctrl if math.isfinite(drive.ctrl[1]) else None,
     }
     if name != drive.joint_name:
@@ -178,7 +171,8 @@ def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
     if not plain or (kind == "motor" and drive.gain != drive.gear):
         facts["drive parameters"] = general_text(model, drive.index)
     hidden = drive.on_joint != drive.torque and model.actuator_forcelimited[drive.index]
-    ends = drive.torque if hidden else drive.within_effort
+    low, high = drive.torque
+    ends = (low, high) if hidden else (max(low, -most), min(high, most))
     if ends[0] != -ends[1] or hidden:
         facts["mjcf:effort range"] = ends
     collector.put("joint", drive.joint_name, facts)
@@ -207,7 +201,7 @@ def _equality(bodies: Bodies, index: int, followers: set[str], collector: FactCo
     model = bodies.model
     kind = int(model.eq_type[index])
     if kind in LOOPS and model.eq_active0[index]:
-        collector.put("loop", _name(model, "equality", index), _loop(bodies, index))
+        collector.put("loop", name_of(model, "equality", index), _loop(bodies, index))
         return True
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
     data = numbers(model.eq_data[index])
@@ -216,14 +210,14 @@ def _equality(bodies: Bodies, index: int, followers: set[str], collector: FactCo
         data = (offset, multiplier, 0.0, 0.0, 0.0)
     elif kind != 2:  # mjEQ_JOINT
         return False
-    name = _name(model, "joint", follower)
+    name = name_of(model, "joint", follower)
     if name in followers:
         return False  # a second one acts beside the first
     followers.add(name)
     facts: dict[str, Value] = {"lower": data[0], "upper": data[0]}
     if leader >= 0:
         facts = {
-            "mimics": _name(model, "joint", leader),
+            "mimics": name_of(model, "joint", leader),
             "mimic offset": data[0],
             "mimic multiplier": data[1],
         }
@@ -260,7 +254,7 @@ def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
 def _site(bodies: Bodies, site: int, collector: FactCollector) -> None:
     """One that is the frame of its body is no other."""
     model, body = bodies.model, int(bodies.model.site_bodyid[site])
-    name, place = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
+    name, place = name_of(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
     if not bodies.is_own_frame(body, name, place):
         pose = bodies.placed(body) @ place
         facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
@@ -328,23 +322,13 @@ def contact_facts(model: Model, geom: int) -> dict[str, Value]:
     }
 
 
-def _filtered(
-    model: Model, opaque: Collection[tuple[str, str]] = frozenset()
-) -> Iterator[tuple[str, str]]:
+def _filtered(model: Model, opaque: Collection[tuple[str, str]]) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted names) that both have collision geoms and never meet."""
-    excluded = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
-    masks: dict[int, list[tuple[int, int]]] = {}
-    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    for geom in np.flatnonzero(solid):
-        if ("shape", shape_name(model, int(geom))) in opaque:
-            continue
-        bits = int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
-        masks.setdefault(int(model.geom_bodyid[geom]), []).append(bits)
-    masks.pop(0, None)
-    for a, b in itertools.combinations(sorted(masks), 2):
-        meets = any(
-            one[0] & two[1] or two[0] & one[1] for one in set(masks[a]) for two in set(masks[b])
-        )
-        if not meets or (a, b) in excluded or (b, a) in excluded or passes(model, a, b):
+    solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
+    body_of = {geom: int(model.geom_bodyid[geom]) for geom in solid
+               if ("shape", shape_name(model, geom)) not in opaque}  # fmt: skip
+    met = {(body_of[a], body_of[b]) for a, b in touching_geoms(model) if {a, b} <= body_of.keys()}
+    for a, b in itertools.combinations(sorted({*body_of.values()} - {0}), 2):
+        if not {(a, b), (b, a)} & met:
             first, second = sorted((body_name(model, a), body_name(model, b)))
             yield first, second

@@ -14,7 +14,7 @@ from assetbuild.facts.mjcf_fields import Bodies, numbers
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import FactCollector, Value
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators.mujoco import Model, name_of
+from assetbuild.simulators.mujoco import Model, floats, name_of
 from assetbuild.simulators.mujoco.drives import Drive
 
 
@@ -129,20 +129,18 @@ def _object(model: Model, sensor: int, side: str) -> str:
 def read_keyframe(
     model: Model, key: int, moving: list[int], drives: Iterable[Drive], facts: FactCollector
 ) -> None:
-    """A pose and its commands. moving: hinges and slides."""
+    """A pose and its commands. moving: hinges, slides and balls."""
     name, qpos, ctrl = name_of(model, "key", key), model.key_qpos[key], model.key_ctrl[key]
-    if model.njnt and int(model.jnt_type[0]) == 0:
+    if floats(model):
         pose = pose_of(qpos[:3], qpos[3:7])
         facts.put("keyframe", name, {"base pose": (*pose.xyz, *pose.quat)})
     for joint in moving:
-        value = float(qpos[int(model.jnt_qposadr[joint])])
-        facts.put("keyframe", f"{name}/{name_of(model, 'joint', joint)}", {"position": value})
-    for joint in range(model.njnt):
+        at, subject = int(model.jnt_qposadr[joint]), f"{name}/{name_of(model, 'joint', joint)}"
         if int(model.jnt_type[joint]) == BALL:
-            address = int(model.jnt_qposadr[joint])
-            turn = pose_of((0.0, 0.0, 0.0), qpos[address : address + 4]).quat
-            subject = f"{name}/{name_of(model, 'joint', joint)}"
+            turn = pose_of((0.0, 0.0, 0.0), qpos[at : at + 4]).quat
             facts.put("keyframe", subject, {"mjcf:orientation": turn})
+        else:
+            facts.put("keyframe", subject, {"position": float(qpos[at])})
     for drive in drives:
         subject = f"{name}/{drive.joint_name}"
         facts.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})

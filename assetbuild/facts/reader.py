@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from glob import escape
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -63,7 +64,7 @@ class Reader(Check):
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
     written: ClassVar[str] = ""
-    """The main file below that folder; `{robot}` is the robot's name."""
+    """The main file below that folder, as a glob; `{robot}` is the robot's name."""
     file_globs: ClassVar[tuple[str, ...]] = ()
     """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
@@ -84,17 +85,13 @@ class Reader(Check):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With the sections that it asks for."""
-        values = super().values(recipe)
-        return (
-            None
-            if values is None
-            else values | {"options": stated_options(recipe, cls.recipe_sections)}
-        )
+        values, options = super().values(recipe), stated_options(recipe, cls.recipe_sections)
+        return None if values is None else values | {"options": options}
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
-        path = root / self.written.replace("{robot}", robot)
-        return path if path.is_file() else None
+        found = sorted(root.glob(self.written.replace("{robot}", escape(robot))))
+        return found[0] if found and found[0].is_file() else None
 
     def read(self, path: Path) -> Table:
         """The facts of a file. AssetBuildError where it is not readable."""
@@ -127,16 +124,17 @@ class Reader(Check):
 
     def prove(self, reference: Reference, path: Path) -> Proof:
         """Compares a file with the robot."""
+        why = ""
         try:
             known = self.found(path, reference)
             expected = self.expected(reference)
         except AssetBuildError as error:
-            return _unreadable(
-                UNREADABLE("robot", f"{self.display_name}: {error.message}", error.hint)
-            )
+            why, hint = error.message, error.hint
         except BROKEN as error:  # a file may hold anything
-            text = f"{self.display_name}: {type(error).__name__}: {error}"
-            return _unreadable(UNREADABLE("robot", text))
+            why, hint = f"{type(error).__name__}: {error}", ""
+        if why:
+            finding = UNREADABLE("robot", f"{self.display_name}: {why}", hint)
+            return Proof(Table({}), (), (finding,), 0)
         different = differences(expected, known, self.exactness)
         findings = [*equality_findings(different, self.format_id, self.display_name, known.places)]
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
@@ -159,10 +157,6 @@ class Reader(Check):
         yield from losses(
             all_facts, self.format_id, self.display_name, self.lacks, simulated=self.simulated
         )
-
-
-def _unreadable(finding: Finding) -> Proof:
-    return Proof(Table({}), (), (finding,), 0)
 
 
 def asked_sections(

@@ -61,15 +61,11 @@ def usd_table(robot_facts: Table, reference: Reference) -> Table:
     options: Options = reference.options.get("usd") or {}
     tree, control, collector = reference.tree, reference.control, FactCollector()
     collector.facts |= robot_facts.facts
-    solid: dict[str, list[Shape]] = {}
-    for shape in reference.shapes.of("collision"):
-        solid.setdefault(tree.placement(shape.link)[0], []).append(shape)
-    stiff = limit_springs(tree, control)
     collector.put("robot", "", _root(reference))
     root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
     collector.put(*root, _articulation(reference))
     _bodies(reference, collector)
-    _joints(reference, options, stiff, collector)
+    _joints(reference, options, collector)
     for loop in control.loops:  # a `connect` is a weld that leaves the turn free
         free: dict[str, Value] = {"usd:mjc:torqueScale": 0.0} if loop.kind == "connect" else {}
         softness: dict[str, Value] = {"usd:mjc:solref": loop.solref, "usd:mjc:solimp": loop.solimp}
@@ -84,7 +80,7 @@ def usd_table(robot_facts: Table, reference: Reference) -> Table:
     for shape in reference.shapes.of("collision"):
         surface = own_surfaces.get(shape.name, control.contact)
         collector.put("shape", shape.name, _collider(shape, surface))
-    for a, b in _shape_pairs(reference, solid):
+    for a, b in _shape_pairs(reference):
         collector.put("shape pair", pair_name(a, b), {"usd:filtered": True})
     return collector.table()
 
@@ -177,13 +173,7 @@ def _bodies(reference: Reference, collector: FactCollector) -> None:
 # --- joints
 
 
-def _joints(
-    reference: Reference,
-    options: Options,
-    stiff: Mapping[str, tuple[float, float]],
-    collector: FactCollector,
-) -> None:
-    """stiff: (stiffness, damping) of the limits, by joint."""
+def _joints(reference: Reference, options: Options, collector: FactCollector) -> None:
     tree, control = reference.tree, reference.control
     starts = dict(start_of(tree, control).joints)
     springs = free_springs(control)
@@ -202,7 +192,7 @@ def _joints(
             collector.put("actuator", name, {"usd:drives": (name,), **words})
         if joint.mimic is not None:
             _mimic(name, joint.mimic, tree, collector, coupled=options.get("mimics", True))
-    for name, (stiffness, damping) in stiff.items():
+    for name, (stiffness, damping) in limit_springs(tree, control).items():
         limit = dict(control.soft_limits).get(name)
         per_unit = 1.0 if tree.by_joint[name].kind == "prismatic" else DEGREE
         collector.put("joint", name, {
@@ -275,10 +265,11 @@ def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:
     return facts
 
 
-def _shape_pairs(
-    reference: Reference, solid: Mapping[str, list[Shape]]
-) -> Iterator[tuple[str, str]]:
+def _shape_pairs(reference: Reference) -> Iterator[tuple[str, str]]:
     """Single shapes whose masks never meet, of bodies that may touch otherwise."""
+    solid: dict[str, list[Shape]] = {}
+    for shape in reference.shapes.of("collision"):
+        solid.setdefault(reference.tree.placement(shape.link)[0], []).append(shape)
     control, contacts = reference.control, dict(reference.control.contacts)
     pairs = filtered_pairs(reference.tree, reference.shapes, control)
     filtered = {frozenset(pair) for pair in pairs}

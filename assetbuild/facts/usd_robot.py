@@ -60,14 +60,19 @@ def read_robot(path: Path) -> Table:
             driven = tuple(jointed.get(path, path) for path in prim.targets("newton:targets"))
             collector.put("actuator", prim.named("actuator", collector), {"usd:drives": driven})
         _bodies(contents.bodies, joints, names, places, collector)
-        _frames(contents, names, places, collector)
+        for prim, body in contents.frames:
+            pose, name = (
+                _within(places, prim, contents.bodies[body]),
+                prim.named("frame", collector),
+            )
+            collector.put("frame", name, {"body": names[body], "pose": pose})
         for prim, body in contents.cameras:
             _camera(prim, contents.bodies.get(body), names.get(body, ""), places, collector)
         robot = Prim(stage.GetDefaultPrim())
         _root(contents, joints, names, places, collector)
         collector.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
         colliders = read_shapes(contents.shapes, names, places, collector)
-        apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
+        apart = [j.ends for j in joints if len(j.ends) == 2 and not j.touching]
         articulated = [prim.path for prim in contents.roots if prim.path in contents.bodies]
         pair_facts(colliders, names, contents.filters, apart, articulated, collector)
         _named_poses(robot, joints, collector)
@@ -173,14 +178,6 @@ def _mass(prim: Prim, places: Places) -> dict[str, Value]:
         xx, yy, zz = moments
         facts["inertia"] = tuple(rotate_tensor((xx, yy, zz, 0.0, 0.0, 0.0), axes))
     return facts
-
-
-def _frames(
-    contents: Sorted, names: Mapping[str, str], places: Places, collector: FactCollector
-) -> None:
-    for prim, body in contents.frames:
-        pose = _within(places, prim, contents.bodies[body])
-        collector.put("frame", prim.named("frame", collector), {"body": names[body], "pose": pose})
 
 
 def _camera(

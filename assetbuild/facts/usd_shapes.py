@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,8 @@ def read_shapes(
     shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, collector: FactCollector
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
-    meshes, looks, colliders = Meshes(places.units), Looks(), []
+    measured = functools.cache(functools.partial(_measure, units=places.units))
+    look, colliders = functools.cache(_look), []
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
@@ -64,13 +66,14 @@ def read_shapes(
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
         facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
-        facts |= _geometry(shape, places, meshes) | _drawn(prim)
+        facts |= _geometry(shape, places, measured) | _drawn(prim)
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False
             facts |= {"collides": solid} | surface_of(prim.prim) | _contact(shape.collider)
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
-            facts |= looks.of(prim.prim)
+            material, _ = UsdShade.MaterialBindingAPI(prim.prim).ComputeBoundMaterial()
+            facts |= look(material.GetPrim()) if material else {}
         collector.put("shape", name, facts)
     return colliders
 
@@ -108,7 +111,9 @@ def _contact(prim: Prim) -> dict[str, Value]:
 # --- geometry --------------------------------------------------------------------------------
 
 
-def _geometry(shape: ShapePrim, places: Places, meshes: Meshes) -> dict[str, Value]:
+def _geometry(
+    shape: ShapePrim, places: Places, measured: Callable[[Usd.Prim], Measured]
+) -> dict[str, Value]:
     prim = shape.geometry
     stage = prim.prim.GetStage()
     X_world_body = np.eye(4)
@@ -116,9 +121,15 @@ def _geometry(shape: ShapePrim, places: Places, meshes: Meshes) -> dict[str, Val
         pose, _ = places.rigid(stage.GetPrimAtPath(shape.body))
         X_world_body = pose.matrix()
     within = np.linalg.inv(X_world_body) @ places.world(prim.prim)
-    if prim.type == "Mesh":
-        return {"geometry": "mesh"} | meshes.facts(prim, within)
     pose, scale = rigid(within)
+    if prim.type == "Mesh":
+        is_shared = prim.prim.IsInstanceProxy()  # instances share a prototype
+        source = prim.prim.GetPrimInPrototype() if is_shared else prim.prim
+        corners, uv, surface = measured(source)
+        if np.all(scale == 1.0):
+            return {"geometry": "mesh"} | surface.moved(pose).facts()
+        placed = corners @ within[:3, :3].T + within[:3, 3]
+        return {"geometry": "mesh"} | measure(placed, uv).facts()
     token = prim.text("axis") or "Z"
     if token in AXES:
         pose = pose @ Pose(quat=quat_between((0.0, 0.0, 1.0), AXES[token]))
@@ -149,42 +160,24 @@ def _size(prim: Prim, scale: Array, axis: int) -> list[float]:
 # --- materials -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Looks:
-    """Materials as shapes are bound to them."""
+def _look(prim: Usd.Prim) -> dict[str, Value]:
+    """Colour and texture of a material.
 
-    materials: dict[str, dict[str, Value]] = field(default_factory=dict)
-
-    def of(self, shape: Usd.Prim) -> dict[str, Value]:
-        """Colour and texture of a visual shape; nothing where no material is bound to it."""
-        material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()
-        if not material:
-            return {}
-        path = str(material.GetPath())
-        if path not in self.materials:
-            self.materials[path] = self._material_facts(material)
-        return self.materials[path]
-
-    def _material_facts(self, material: UsdShade.Material) -> dict[str, Value]:
-        """Nothing of a material whose output leads to no shader: a viewer draws it grey."""
-        if not material.ComputeSurfaceSource()[0]:
-            return {}
-        facts: dict[str, Value] = {"material": Prim(material.GetPrim()).name}
-        for shader in _shaders(material):
-            kind = shader.text("info:id")
-            if kind == "UsdPreviewSurface":
-                colour = shader.numbers("inputs:diffuseColor") or ()
-                facts["rgba"] = (*colour, *(shader.numbers("inputs:opacity") or (1.0,)))
-            file = shader.value("inputs:file")
-            if kind == "UsdUVTexture" and isinstance(file, Sdf.AssetPath):
-                digest = pixel_digest(Path(file.resolvedPath)) if file.resolvedPath else ""
-                facts["texture"] = digest or f"unreadable {file.path}"
-        return facts
-
-
-def _shaders(material: UsdShade.Material) -> Iterator[Prim]:
-    below = (Prim(prim) for prim in Usd.PrimRange(material.GetPrim()))
-    return (prim for prim in below if prim.prim.IsA(UsdShade.Shader))
+    Nothing of one whose output leads to no shader: a viewer draws it grey.
+    """
+    if not UsdShade.Material(prim).ComputeSurfaceSource()[0]:
+        return {}
+    facts: dict[str, Value] = {"material": Prim(prim).name}
+    for shader in (Prim(below) for below in Usd.PrimRange(prim) if below.IsA(UsdShade.Shader)):
+        kind = shader.text("info:id")
+        if kind == "UsdPreviewSurface":
+            colour = shader.numbers("inputs:diffuseColor") or ()
+            facts["rgba"] = (*colour, *(shader.numbers("inputs:opacity") or (1.0,)))
+        file = shader.value("inputs:file")
+        if kind == "UsdUVTexture" and isinstance(file, Sdf.AssetPath):
+            digest = pixel_digest(Path(file.resolvedPath)) if file.resolvedPath else ""
+            facts["texture"] = digest or f"unreadable {file.path}"
+    return facts
 
 
 def surface_of(shape: Usd.Prim) -> dict[str, Value]:
@@ -217,7 +210,7 @@ def pair_facts(
     colliders: Sequence[Collider],
     names: Mapping[str, str],
     filters: Iterable[tuple[str, str]],
-    apart: Iterable[frozenset[str]],
+    apart: Iterable[tuple[str, ...]],
     articulated: Collection[str],
     collector: FactCollector,
 ) -> None:
@@ -231,14 +224,9 @@ def pair_facts(
         of_body.setdefault(one.body, []).append(index)
     by_path = {one.path: [index] for index, one in enumerate(colliders)} | of_body
     by_path |= {path: list(range(len(colliders))) for path in articulated}
-    never = set()
-    for first, second in filters:
-        never |= {frozenset(p) for p in itertools.product(
-            by_path.get(first, ()), by_path.get(second, ()))}  # fmt: skip
-    for bodies in apart:
-        first, second = bodies if len(bodies) == 2 else (*bodies, *bodies)
-        never |= {frozenset(p) for p in itertools.product(
-            of_body.get(first, ()), of_body.get(second, ()))}  # fmt: skip
+    sides = [[by_path.get(path, ()) for path in pair] for pair in filters]
+    sides += [[of_body.get(body, ()) for body in pair] for pair in apart]
+    never = {frozenset(pair) for two in sides for pair in itertools.product(*two)}
     bodies_in_order = sorted(of_body, key=lambda path: names.get(path, path))
     for left, right in itertools.combinations(bodies_in_order, 2):
         pairs = [
@@ -263,35 +251,9 @@ def pair_facts(
 Whole = NDArray[np.int64]
 
 
-@dataclass
-class Measured:
-    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points."""
-
-    corners: Array
-    uv: Array | None
-    surface: Surface
-
-
-@dataclass
-class Meshes:
-    """What has been measured; instances share a prototype."""
-
-    units: Units
-    known: dict[str, Measured] = field(default_factory=dict)
-
-    def facts(self, prim: Prim, X_body_mesh: Array) -> dict[str, Value]:
-        """Surface in its body's frame. X_body_mesh: (4, 4), with scale."""
-        path = prim.path
-        if prim.prim.IsInstanceProxy():
-            path = str(prim.prim.GetPrimInPrototype().GetPath())
-        if path not in self.known:
-            self.known[path] = _measure(prim.prim, self.units)
-        one = self.known[path]
-        pose, scale = rigid(X_body_mesh)
-        if np.all(scale == 1.0):
-            return one.surface.moved(pose).facts()
-        corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
-        return measure(corners, one.uv).facts()
+Measured = tuple[Array, Array | None, Surface]
+"""A mesh in its own frame: (n, 3, 3) corners, m, none where its faces do not fit its points; their
+texture coordinates; its surface."""
 
 
 def _measure(prim: Usd.Prim, units: Units) -> Measured:
@@ -306,7 +268,7 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
         where = where[:0]
     corners = points[indices[where]] * units.metre
     uv = _texture_corners(prim, indices, where) if sound else None
-    return Measured(corners, uv, measure(corners, uv))
+    return corners, uv, measure(corners, uv)
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:

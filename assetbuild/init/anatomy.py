@@ -6,6 +6,7 @@ says its reason, which goes into the recipe for the user to judge.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -230,9 +231,7 @@ def _called_legs(limbs: list[Leg], robot: str) -> tuple[Leg, ...]:
 def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
     """Those of which there are at least so many with the same kinds of joints."""
     kinds = [tuple(joint.kind for joint in limb.joints) for limb in limbs]
-    return tuple(
-        limb for limb, kind in zip(limbs, kinds, strict=True) if kinds.count(kind) >= least
-    )
+    return tuple(itertools.compress(limbs, (kinds.count(kind) >= least for kind in kinds)))
 
 
 def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:

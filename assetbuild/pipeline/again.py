@@ -24,7 +24,7 @@ from assetbuild.errors import StepError
 from assetbuild.facts.again.files import rows_of
 from assetbuild.facts.again.row import NotParsedError, Row, row_findings
 from assetbuild.facts.again.tree import same
-from assetbuild.facts.again.written import Signed, read_signed
+from assetbuild.facts.again.written import Written, read_signed
 from assetbuild.facts.compare import EQUAL
 from assetbuild.facts.reader import UNREADABLE
 from assetbuild.facts.reference import Assets, Reference
@@ -76,18 +76,19 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
     if signed is None:
         yield UNPROVEN("robot", "the bundle was built by an earlier version", where=ROBOT)
         return
-    if signed.stated != signed.computed:
+    written, stated, digest = signed
+    if stated != digest:
         # Everything would differ from a robot that was edited: one finding says so.
-        data = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
+        data = {"attribute": "digest", "expected": stated, "found": digest}
         text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
         yield EQUAL.named("robot.digest")("robot", text, data=data, where=ROBOT)
         return
-    meshes = held_meshes(bundle, signed.written.meshes)
+    meshes = held_meshes(bundle, written.meshes)
     with (
         tempfile.TemporaryDirectory(prefix="assetbuild-again-") as folder,
         Session(Store(Path(folder, "store"))) as session,
     ):
-        steps, left = _steps(robot, reference, signed, meshes, session.code)
+        steps, left = _steps(robot, reference, written, meshes, session.code)
         yield from left
         yield from _edited_meshes(meshes, reference)
         again = _write(Path(folder), reference, meshes, steps, session)
@@ -100,10 +101,9 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
 
 
 def _steps(
-    robot: str, reference: Reference, signed: Signed, meshes: Mapping[str, Held], known: Code
+    robot: str, reference: Reference, written: Written, meshes: Mapping[str, Held], known: Code
 ) -> tuple[dict[str, Target], list[Finding]]:
     """The writers whose code, sections and meshes are those of the build; why others do not run."""
-    written = signed.written
     stated = StatedRecipe(robot, tuple(written.writers), reference)
     kinds = writer_kinds(written.writers)
     code = code_of_writers(kinds, known)

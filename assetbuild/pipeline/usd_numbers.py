@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from assetbuild.body.inertia_rules import MASS, MassProperties
 from assetbuild.body.lint import crossed_limits
-from assetbuild.errors import UsageError
-from assetbuild.facts.reader import BROKEN
-from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.model import Inertial, Joint, JointKind, Limits
 
 
-def lint_numbers(file: Path) -> Iterator[Finding]:
+def lint_numbers(table: Table) -> Iterator[Finding]:
     """Tensors that no matter has, and limits the wrong way round, by the rules of a URDF's links.
 
     A mass or tensor of 0 is not stated: engines compute it from the shapes.
     """
-    try:
-        table = UsdReader(robot=file.stem).read(file)
-    except (UsageError, *BROKEN):
-        return  # OpenUSD's own validators speak of such a file
     for name in table.names("body"):
         facts: Any = table.of("body", name)  # Any: a number and a tensor, as the reader has them
         mass, tensor = facts["mass"], facts.get("inertia", (0.0,) * 6)

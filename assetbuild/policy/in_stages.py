@@ -52,7 +52,7 @@ ENGINES: Mapping[str, Perform] = {"newton": _in_newton, "physx": _in_physx}
 def unavailable_reason(engine: str) -> str:
     """What this machine lacks for an engine, and how to get it; "" = nothing."""
     if engine == "physx":
-        return lacking(physx.REQUIRES, Files())
+        return lacking(physx.PhysxCheck.requires, Files())
     if engine == "newton" and newton.HOME.python(Files()) is None:
         return "run `assetbuild smoke RECIPE --consumer newton` once"
     return ""

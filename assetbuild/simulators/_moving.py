@@ -26,7 +26,7 @@ def perform(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     if not run["steps"] or run.get("reads"):
         result["held"] = world.held()
-    if run.get("pilot"):
+    if run["pilot"]:
         result["motion"] = piloted(world, run)
     elif run["steps"]:
         result["motion"] = moved(world, run)
@@ -42,13 +42,13 @@ def write(job: dict[str, Any], run: dict[str, Any], result: dict[str, Any]) -> N
 
 def moved(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     """Trajectories, the start included, until something is not finite."""
-    course = run.get("course")
+    course = run["course"]
     track: dict[str, Any] = {"time": [], "root": [], "com": [], "seen": [], "joints": {}}
     track["finite"] = True
-    world.start(run.get("start", {}))
+    world.start(run["start"])
     for step in range(run["steps"] + 1):
         if step:
-            world.command(*(now(run.get(word, {}), step) for word in ("targets", "speeds")))
+            world.command(*(now(run[word], step) for word in ("targets", "speeds")))
             if course:
                 world.push(course["table"][step - 1], course["force"][step - 1])
             world.step(run["dt"])
@@ -79,7 +79,7 @@ def piloted(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     with socket.socket(socket.AF_UNIX) as line:
         line.connect(run["pilot"])
         with line.makefile("rw", encoding="utf-8") as talk:
-            world.start(run.get("start", {}))
+            world.start(run["start"])
             before = after = world.look()
             while True:
                 states = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -26,26 +26,12 @@ def ask(
 ) -> tuple[dict[str, object] | None, str]:
     """(what `answer(job)` of a program returned, "") or (None, why it returned nothing).
 
-    folder: private to it. variables: as of `run_child`.
+    folder: private to it, where it works. variables: of its environment, beside the few of ours.
     """
     asked, answer = folder / "job.json", folder / "answer.json"
     asked.write_text(json.dumps(job), encoding="utf-8")
     answer.unlink(missing_ok=True)
     command = [str(python), "-P", "-s", str(_RUNNER), str(program), str(asked)]
-    ended = run_child(command, folder, seconds, variables)
-    if not ended and answer.exists():
-        return json.loads(answer.read_bytes()), ""
-    # An exception of the program speaks for itself.
-    return None, f"it {ended or 'wrote no answer'}".removeprefix("it failed: ")
-
-
-def run_child(
-    command: Sequence[str], folder: Path, seconds: float, variables: Mapping[str, str]
-) -> str:
-    """How it ended, a verb first (`crashed with signal 11`); "" when it ended well.
-
-    folder: where it works. variables: of its environment, beside the few that it gets of ours.
-    """
     try:
         child = subprocess.run(
             command,
@@ -57,10 +43,14 @@ def run_child(
             timeout=seconds,
         )
     except subprocess.TimeoutExpired:
-        return f"took more than {seconds:g} s and was stopped"
+        return None, f"it took more than {seconds:g} s and was stopped"
     if child.returncode < 0:
-        return f"crashed with signal {-child.returncode}"
-    return f"failed: {last_line(child.stderr)}" if child.returncode else ""
+        return None, f"it crashed with signal {-child.returncode}"
+    if child.returncode:  # an exception of the program speaks for itself
+        return None, last_line(child.stderr)
+    if not answer.exists():
+        return None, "it wrote no answer"
+    return json.loads(answer.read_bytes()), ""
 
 
 def environment(variables: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:

@@ -40,12 +40,14 @@ class Environment:
     """Packages that one consumer needs. requirements: as pip reads them, pinned.
 
     version: of Python; ours unless the packages need another. size: measured on Linux, for people.
+    variable: of the user's environment, by which the Python of an installation takes its place.
     """
 
     name: str
     requirements: tuple[str, ...]
     version: tuple[int, int] = sys.version_info[:2]
     size: str = ""
+    variable: str = ""
 
     @property
     def folder(self) -> Path:
@@ -55,7 +57,9 @@ class Environment:
         return Path(cache_root()) / "environments" / f"{self.name}-{digest}"
 
     def python(self, world: World) -> Path | None:
-        """Its interpreter; None while it is not made."""
+        """Its interpreter, or the one that the user names; None where that is missing."""
+        if named := self._named(world):
+            return named if world.is_file(named) else None
         python = self.folder / "bin" / "python"
         made = world.is_file(self.folder / MADE) and world.is_file(python)
         return python if made else None
@@ -74,10 +78,10 @@ class Environment:
         }
         return ask(python, program, job, folder, seconds, variables)
 
-    def make(self, say: Callable[[str], None]) -> Path:
-        """The interpreter, made when it is missing. MachineError when that fails."""
-        if (python := self.python(World())) is not None:
-            return python
+    def make(self, say: Callable[[str], None]) -> None:
+        """Make it where it is missing. MachineError when that fails."""
+        if self._named(World()) or self.python(World()):
+            return
         packages = " ".join(self.requirements)
         say(f"making the environment of {self.name}: pip install {packages}")
         half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
@@ -91,7 +95,10 @@ class Environment:
             shutil.rmtree(half, ignore_errors=True)
         made = json.dumps({"requirements": self.requirements}) + "\n"
         (self.folder / MADE).write_text(made, encoding="utf-8")
-        return self.folder / "bin" / "python"
+
+    def _named(self, world: World) -> Path | None:
+        named = world.variable(self.variable) if self.variable else None
+        return Path(named) if named else None
 
     def _interpreter(self) -> str:
         """A Python of this version; MachineError where there is none."""
@@ -157,7 +164,6 @@ class ConsumerCheck(Check):
     in_parent: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(wall_s=3600.0, cpus=2)
     listed_in: ClassVar[str] = "validate.smoke"
-    consumer: ClassVar[str]
     home: ClassVar[Environment]
 
     robot: str
@@ -168,7 +174,7 @@ class ConsumerCheck(Check):
     @classmethod
     def listed_as(cls) -> str:
         """The trainer's name."""
-        return cls.consumer
+        return cls.home.name
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
@@ -183,10 +189,12 @@ class ConsumerCheck(Check):
     @classmethod
     def absent(cls) -> str:
         """How to get the environment."""
-        return f"run `assetbuild smoke RECIPE --consumer {cls.consumer}` once"
+        other = f", or set {cls.home.variable} to your installation's Python"
+        way = f"run `assetbuild smoke RECIPE --consumer {cls.home.name}` once"
+        return f"{way}{other if cls.home.variable else ''}"
 
     def answer(self, program: str, job: dict[str, object]) -> tuple[dict[str, object] | None, str]:
         """What a program found, or why it found nothing. program: its path below this folder."""
-        with tempfile.TemporaryDirectory(prefix=f"{self.consumer}-") as folder:
+        with tempfile.TemporaryDirectory(prefix=f"{self.home.name}-") as folder:
             path = Path(__file__).parent / program
             return self.home.ask(path, job, Path(folder).resolve(), self.limits.wall_s)

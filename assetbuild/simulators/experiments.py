@@ -8,7 +8,7 @@ so that a check can lay two answers side by side.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -20,7 +20,7 @@ from assetbuild.plugin_types import Check
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
 
 CLEARANCE_M = 1e-3
@@ -216,24 +216,27 @@ def sine_of(
     middle, swing, speeds = {}, {}, set()
     for joint in tree.moving_joints:
         lower, upper = joint.bounds
-        width = SWING_M if joint.kind == "prismatic" else SWING_RAD
-        width = min(width, SHARE_OF_RANGE * (upper - lower))
-        room = 1.25 * width  # a small swing too: weight may press its joint against the stop
+        room = 1.25 * widest(joint)  # a small swing too: weight may press its joint on the stop
         actuator = control.by_joint.get(joint.name)
         by_speed = actuator is not None and actuator.model == "velocity" and actuator.kd > 0.0
         limits = [actuator.velocity if actuator else joint.limits.velocity]
         if by_speed and actuator is not None and actuator.ctrl is not None:
             limits += [-actuator.ctrl[0], actuator.ctrl[1]]  # what may be asked of it
-        for limit in limits:
-            if limit is not None:
-                fastest = SHARE_OF_SPEED * max(limit, 0.0)
-                width = min(width, fastest / (2.0 * math.pi * frequency_hz))
+        width = widest(joint, [max(v, 0.0) for v in limits if v is not None], frequency_hz)
         middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
         driven = by_speed or (actuator is not None and actuator.kp > 0.0)
         swing[joint.name] = width if driven and joint.mimic is None else 0.0
         if by_speed:
             speeds.add(joint.name)
     return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds, frozenset(speeds))
+
+
+def widest(joint: Joint, speeds: Iterable[float] = (), frequency_hz: float = 1.0) -> float:
+    """How far a joint may swing, rad or m. speeds: limits, rad/s or m/s."""
+    lower, upper = joint.bounds
+    most = SWING_M if joint.kind == "prismatic" else SWING_RAD
+    fastest = [SHARE_OF_SPEED * speed / (2.0 * math.pi * frequency_hz) for speed in speeds]
+    return min(most, SHARE_OF_RANGE * (upper - lower), *fastest)
 
 
 # --- answers ------------------------------------------------------------------------------------
@@ -290,15 +293,21 @@ class SimulatorCheck(Check):
         """Outcomes by name. A crash or a NaN ends only its own experiment."""
         raise NotImplementedError
 
+    def label(self, target: str, file: Path) -> tuple[str, str]:
+        """(target, its name in sentences) that it simulates where MuJoCo has this file."""
+        return "usd", self.engine
+
 
 @dataclass(frozen=True)
 class Response:
     """How one joint followed one sine, or one engine another.
 
-    rms: of the difference, as a share of the swing; gain: ratio of the amplitudes at the
-    frequency of the sine; lag_rad: phase of the second behind the first.
+    swing: amplitude of the first at the frequency of the sine, rad or m. rms: of the difference, as
+    a share of the swing; gain: ratio of the amplitudes; lag_rad: phase of the second behind the
+    first.
     """
 
+    swing: float
     rms: float
     gain: float
     lag_rad: float
@@ -314,7 +323,7 @@ def compare_response(sine: Sine, joint: str, first: Motion, second: Motion) -> R
     one, two = phasor(time, a, omega), phasor(time, b, omega)
     ratio = two / one if abs(one) > 0.0 else complex(math.inf)
     rms = float(np.sqrt(np.mean((b - a) ** 2))) / sine.swing[joint]
-    return Response(rms, abs(ratio), -float(np.angle(ratio)))
+    return Response(abs(one), rms, abs(ratio), -float(np.angle(ratio)))
 
 
 def phasor(time: Array, values: Array, omega: float) -> complex:

@@ -62,10 +62,6 @@ class GripCheck(SimulatorCheck):
         """The wish, or its defaults."""
         return self.wish or GripWish()
 
-    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
-        """(target, its name in sentences, MJCF that says where hands are)."""
-        raise NotImplementedError
-
     def grips(
         self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]
     ) -> Sequence[Grip]:
@@ -75,7 +71,8 @@ class GripCheck(SimulatorCheck):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the MJCF, and the simulator's file."""
         figures: dict[str, object] = {}
-        for target, name, path in self.models(files.inputs):
+        for form, path in mujoco.full_and_mjx(files.inputs, self.robot):
+            target, name = self.label(form, path)
             target_figures: dict[str, object] = {}
             try:
                 with mujoco.caught_warnings():
@@ -109,7 +106,6 @@ class GripCheck(SimulatorCheck):
                     f"{name}: its gripper fails to hold {len(failed)} of {len(done)} objects: "
                     + ", ".join(map(_words, failed))
                     + self._least_held(inputs, model, hand, failed),
-                    hint=self.lost.remedy,
                     data={"failed": len(failed), "of": len(done), "limit_m": self.asked.slip},
                 )
 

@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 from pydantic import Field
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, known
 from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.closure import close, coordinates, felt_inertia, gaps
@@ -195,12 +195,14 @@ class LoopCheck(SimulatorCheck):
         assert asked.sine is not None  # noqa: S101 # made so
         done = self.perform(files.inputs, (asked,))[asked.name]
         worst = opened(tree, control, done)
-        known = {name: gap if math.isfinite(gap) else None for name, gap in worst.items()}
+        gaps_known = {name: known(gap) for name, gap in worst.items()}
         figures = {
             "swing": {name: width for name, width in asked.sine.swing.items() if width},
             "seconds": asked.sine.seconds,
-            "open": known,
-            "largest_gap": max((gap for gap in known.values() if gap is not None), default=0.0),
+            "open": gaps_known,
+            "largest_gap": max(
+                (gap for gap in gaps_known.values() if gap is not None), default=0.0
+            ),
         }
         write_figures(files, figures, dict.fromkeys(("open", "largest_gap"), self.wish.gap))
         yield from self.evaluate(asked.sine, worst, done.failure)
@@ -224,5 +226,5 @@ class LoopCheck(SimulatorCheck):
                     f"loop {name}",
                     message,
                     severity="error" if size > self.wish.error_limit else "warning",
-                    data={"open": size if math.isfinite(size) else None, "limit": self.wish.gap},
+                    data={"open": known(size), "limit": self.wish.gap},
                 )

@@ -51,14 +51,6 @@ class SlopeCheck(SimulatorCheck):
 
     wish: SlopeWish = SlopeWish()
 
-    def scenes(
-        self, inputs: Path, figures: dict[str, object]
-    ) -> Iterator[tuple[str, str, mujoco.Model]]:
-        """(target, its name in sentences, MuJoCo's model of its scene)."""
-        for target, _, model in mujoco.full_and_mjx_models(inputs, "scene", figures):
-            if target == "mjcf":
-                yield "usd", self.engine, model
-
     def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
         """How fast it slides, or why nothing can be said."""
         tree, control = robot.tree, robot.control
@@ -77,7 +69,8 @@ class SlopeCheck(SimulatorCheck):
         """Reads the robot and the simulator's scene."""
         figures: dict[str, object] = {}
         limit = self.wish.speed
-        for target, name, model in self.scenes(files.inputs, figures):
+        for form, file, model in mujoco.full_and_mjx_models(files.inputs, "scene", figures):
+            target, name = self.label(form, file)
             sliding = self.creep(files.inputs, model, RobotFiles(files.inputs))
             if isinstance(sliding, str):
                 figures[target] = {"skipped": sliding}

@@ -6,7 +6,7 @@ locked, and the object alone is shaken.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -45,10 +45,6 @@ class StageGripping(GripCheck):
     usual_s = 60.0
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     limits: ClassVar[Limits] = Limits(wall_s=1200.0, memory_mb=16384)
-
-    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
-        """The hands are those of `mjcf/<robot>.xml`."""
-        yield "usd", self.engine, inputs / f"mjcf/{self.robot}.xml"
 
     def grips(self, inputs: Path, model: Model, hand: Hand, tries: Sequence[Try]) -> Sequence[Grip]:
         """All in one process. Of a side, it is seen from the body against which it moved least."""

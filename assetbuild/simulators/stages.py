@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.simulators.experiments import Course, Experiment, Motion, Outcome, Sine
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Sine
 from assetbuild.simulators.stage_world import StageNames, write_world
 
 TURN = 0.5
@@ -43,7 +43,7 @@ def perform_on_stages(
         for experiment in experiments:
             stage = folder / f"{experiment.name}.usda"
             names = write_world(stage, asset, experiment.setting)
-            runs.append(_run(experiment, names, stage))
+            runs.append(run_of(experiment, names, stage))
         return answers(start, folder, runs)
 
 
@@ -65,11 +65,15 @@ def answers(start: Start, folder: Path, runs: Sequence[Mapping[str, object]]) ->
     }
 
 
-def _run(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
+def run_of(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
+    """What a child does with a file; with the robot's names by those of the file."""
     dt, joints = experiment.setting.timestep, set(names.joints.values())
     start = {name: q for name, q in (experiment.start or {}).items() if name in joints}
-    course, speeds = experiment.course, dict[str, list[float]]()
+    course, speeds, pushed = experiment.course, dict[str, list[float]](), None
     if course is not None:
+        rows = {"table": course.table, "force": course.force}
+        pushed = {word: row[1:].tolist() for word, row in rows.items()}
+        pushed |= {"watched": list(course.watched)}
         targets = {name: row[1:].tolist() for name, row in course.targets.items()}
     elif experiment.sine is not None:
         targets, speeds = _follow(experiment.sine, dt * np.arange(1, experiment.steps + 1))
@@ -91,7 +95,7 @@ def _run(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "turn": TURN,
         "targets": {name: row for name, row in targets.items() if name in joints},
         "speeds": {name: row for name, row in speeds.items() if name in joints},
-        "course": _course(course) if course is not None else None,
+        "course": pushed,
         "pilot": experiment.pilot,
     }
 
@@ -102,14 +106,6 @@ def _follow(sine: Sine, times: np.ndarray) -> tuple[dict[str, list[float]], dict
     wave, rate = np.sin(omega * times), omega * np.cos(omega * times)
     places = {name: (q + sine.swing[name] * wave).tolist() for name, q in sine.middle.items()}
     return places, {name: (sine.swing[name] * rate).tolist() for name in sorted(sine.speeds)}
-
-
-def _course(course: Course) -> dict[str, object]:
-    return {
-        "table": course.table[1:].tolist(),
-        "force": course.force[1:].tolist(),
-        "watched": list(course.watched),
-    }
 
 
 def _outcome(result: dict[str, Any]) -> Outcome:  # Any: JSON

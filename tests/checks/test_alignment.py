@@ -18,7 +18,7 @@ from robot_files import models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
 
 from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
-from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows
+from assetbuild.alignment.check import Compared, stand_rows
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.touching import touching_row
 from assetbuild.checks._newton import OFF as NEWTON_OFF
@@ -39,7 +39,6 @@ from assetbuild.simulators.experiments import (
     load,
     swing,
 )
-from assetbuild.simulators.free_fall import Fall
 from assetbuild.simulators.mujoco.motion import perform
 from assetbuild.targets.mjcf import Mjcf
 
@@ -108,9 +107,7 @@ def standing(height: float, tilt: float) -> Motion:
 
 def test_heights_are_compared_only_of_what_stands() -> None:
     robot = tiny_quadruped()
-    both = Compared(
-        robot.tree, robot.control, Swing(), Fall(), FloorLimits(), 1, lambda _: LOST, {}, {}
-    )
+    both = Compared(Alignment(robot="robot"), robot.tree, robot.control, lambda _: LOST, {}, {})
     asked = load(robot.control)
 
     def verdict(ours: Motion, theirs: Motion) -> str:
@@ -223,8 +220,8 @@ def past_upper(coarse: float, fine: float) -> Row:
         return Outcome(None, motion(joint.name, np.array([0.0, joint.limits.upper + past])))
 
     theirs = {"past_upper": moved(0.03 + coarse), "past_upper_fine": moved(0.03 + fine)}
-    limits, wish = FloorLimits(), Swing()
-    both = Compared(tree, Control(), wish, Fall(), limits, 1, lambda _: moved(0.03), asked, theirs)
+    limits = Alignment(robot="robot")
+    both = Compared(limits, tree, Control(), lambda _: moved(0.03), asked, theirs)
     (row,) = both.rows()
     return row
 
@@ -328,13 +325,10 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
     theirs = Motion(time, {"swing_joint": angle}, still, np.ones((len(time), 4)), still)
     asked = swing("sine_as_is", Setting(STEP, weightless.gravity), SINE, SAMPLE_S)
     both = Compared(
+        Alignment(robot="r", sine=WISH),
         tree,
         control,
-        WISH,
-        Fall(),
-        FloorLimits(),
-        1,
-        lambda one: perform(folder / "out/mjcf", "r", (one,))[one.name],
+        lambda one: perform(folder / "out/mjcf", "r", one),
         {asked.name: asked},
         {asked.name: Outcome(None, theirs)},
     )

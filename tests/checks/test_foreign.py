@@ -103,7 +103,8 @@ def run(
     (inputs / "usd").mkdir()
     monkeypatch.setattr(ForeignTool, "interpreter", lambda _: Path(sys.executable))
     monkeypatch.setattr(Validator, "interpreter", ForeignTool.interpreter)
-    monkeypatch.setattr(type(tool), "command", lambda _: ("-c", program))
+    escaped = program.replace("{", "{{").replace("}", "}}")
+    monkeypatch.setattr(type(tool), "words", ("-c", escaped))
     return run_step(tool, inputs, folder / "out")
 
 
@@ -142,7 +143,7 @@ def test_features_that_are_none_are_no_result():
 @pytest.mark.parametrize("kind", [SimReady, AssetValidator])
 def test_an_empty_stage_fails_the_real_validator(kind: type[Validator], tmp_path: Path):
     if kind.home.python(World()) is None:
-        pytest.skip(f"not here: `assetbuild smoke RECIPE --consumer {kind.consumer}`")
+        pytest.skip(f"not here: `assetbuild smoke RECIPE --consumer {kind.home.name}`")
     (tmp_path / "in/usd").mkdir(parents=True)
     (tmp_path / "in/usd/bad.usda").write_text('#usda 1.0\ndef Xform "a"\n{\n}\n')
     found = run_step(kind(robot="bad", environment=""), tmp_path / "in", tmp_path / "out")

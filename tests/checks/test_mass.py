@@ -60,7 +60,7 @@ def test_a_body_whose_mesh_the_source_lacks_is_not_judged_by_the_rest(tmp_path: 
     tree = replace(made.tree, frames=(Frame("imu", link, Pose()),))
     made = replace(made, tree=tree, shapes=shapes)
     assert "mass.density" in rules_of(weighed(made, tmp_path / "whole"))
-    assert weighed(made, tmp_path / "lacking", lacks_visuals=True) == []
+    assert weighed(made, tmp_path / "lacking", absent=("skin.obj",)) == []
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.02])

@@ -17,16 +17,15 @@ from assetbuild.facts.held import (
     HELD_BY_PHYSX,
     PHYSX,
     _motion,
-    as_physx,
     newton_expected,
     newton_table,
     physx_expected,
 )
-from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reference import Assets, Reference
-from assetbuild.facts.table import FactCollector, Key, Table, Value
+from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose, quat_of
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.experiments import Motion, Outcome
@@ -69,11 +68,10 @@ def test_what_a_simulator_tells_is_expected(
     [("pd", True, "force"), ("ideal_pd", False, "force"), ("passive", False, "none")],
 )
 def test_physx_has_gains_where_it_integrates_the_drive(model: str, gains: bool, drive: str) -> None:
-    said: dict[str, Value] = {"type": "rotary", "axis": (1.0, 0.0, 0.0), "model": model,
-                              "kp": 8.0, "kd": 1.0, "effort": 5.0}  # fmt: skip
-    facts = as_physx(Table({Key("joint", "a", q): v for q, v in said.items()}), "force").of(
-        "joint", "a"
-    )
+    robot = pendulum()
+    row = Actuator("swing_joint", model, kp=8.0, kd=1.0, effort=5.0)
+    moved = replace(robot, control=replace(robot.control, actuators=(row,)))
+    facts = expected(moved).of("joint", "swing_joint")
     assert (facts["kp"], facts["kd"]) == ((8.0, 1.0) if gains else (0.0, 0.0))
     assert facts["physx:drive"] == drive
     assert facts["effort"] == (None if model == "passive" else 5.0)
@@ -123,18 +121,6 @@ def test_figures_of_physx_stay_out_of_public_pages() -> None:
     (found,) = equality_findings(differences(table, heavier, PHYSX), "physx", "PhysX", {})
     assert found.rule == "equal.physx.mass"
     assert public_message(found) == WITHHELD
-
-
-@pytest.mark.parametrize(("group", "bits", "count"), [(0, 1, 1.0), (3, 1, 1.0), (0, 0, 0.0)])
-def test_a_geom_of_any_group_is_a_shape_of_physx_where_it_may_touch(
-    group: int, bits: int, count: float
-) -> None:
-    geom = f'<geom size="0.1" group="{group}" contype="{bits}" conaffinity="{bits}"/>'
-    body = f'<body name="ball"><freejoint/>{geom}</body>'
-    text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
-    book = FactCollector()
-    read_model(mujoco.MjModel.from_xml_string(text), book)
-    assert as_physx(book.table(), "force").of("body", "ball")["physx:shapes"] == count
 
 
 TENDON = """<mujoco><worldbody>

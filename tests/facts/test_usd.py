@@ -229,7 +229,8 @@ def test_a_word_of_an_engine_that_nobody_reads_is_told(tmp_path: Path) -> None:
     found = check(tiny_quadruped(), tmp_path, lambda stage: UsdPhysics.MassAPI(
         stage.GetPrimAtPath("/robot/trunk")).CreateDensityAttr(7.0))  # fmt: skip
     assert [(f.rule, f.subject) for f in found] == [("equal.usd.density", "body trunk")]
-    told = [f for path in tmp_path.rglob("robot.usda") for f in ignored_words(path)]
+    tables = map(UsdReader(robot="robot").read, tmp_path.rglob("robot.usda"))
+    told = [finding for table in tables for finding in ignored_words(table)]
     assert [(f.rule, f.data) for f in told] == [
         ("usd.ignored", {"attributes": ("physics:density",)})
     ]

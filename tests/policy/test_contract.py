@@ -14,7 +14,7 @@ from random_robots import examples, robots
 from robot_files import check_inputs, models, run_step, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped
 
-from assetbuild.checks.policy_orders import PolicyOrders
+from assetbuild.checks._mujoco import PolicyOrders
 from assetbuild.errors import StepError
 from assetbuild.robot.orders import breadth_first, depth_first, joint_orders, permutation
 from assetbuild.simulators.usd_names import usd_identifier

@@ -14,7 +14,7 @@ from tiny import box_obj, tiny_quadruped
 from assetbuild.errors import StepError
 from assetbuild.simulators import mujoco, speed
 from assetbuild.simulators.mujoco import Model, name_of
-from assetbuild.simulators.mujoco.grip import probe_of, with_object
+from assetbuild.simulators.mujoco.grip import with_object
 from assetbuild.simulators.mujoco.hands import Hand, between_keys, find_hands
 from assetbuild.targets.mjcf import Mjcf
 
@@ -128,7 +128,7 @@ def test_geoms_and_own_contacts_at_home_are_counted(tmp_path, monkeypatch):
 
 def found(path: Path) -> tuple[Model, list[Hand]]:
     model = with_object(path)
-    return model, list(find_hands(model, probe_of(model)))
+    return model, list(find_hands(model))
 
 
 def test_two_fingers_that_follow_each_other_are_a_hand(tmp_path: Path) -> None:
@@ -189,8 +189,8 @@ def test_two_fingers_with_a_drive_each_are_a_hand(tmp_path: Path) -> None:
 def test_keyframes_say_how_a_hand_of_many_drives_closes(tmp_path: Path) -> None:
     keys = '<keyframe><key name="open" qpos=".04 .03"/><key name="shut" qpos="0 .01"/></keyframe>'
     model = with_object(robot(PINCHER, ["left", "right"], tmp_path, keys))
-    hand = between_keys(model, probe_of(model), "open", "shut")
+    hand = between_keys(model, "open", "shut")
     assert [drive.joint_name for drive in hand.drives] == ["left", "right"]
     np.testing.assert_allclose(hand.targets[[0, -1]], [[0.04, 0.03], [0.0, 0.01]])
     with pytest.raises(StepError, match="no keyframe `fist`"):
-        between_keys(model, probe_of(model), "open", "fist")
+        between_keys(model, "open", "fist")

@@ -41,7 +41,7 @@ from assetbuild.targets.usd import Usd
 
 def swung(path: Path, sine: Sine, step: float) -> Motion:
     asked = swing("swing", Setting(step, (0.0, 0.0, -9.81), contacts=False), sine, 0.0)
-    done = motion.perform(path.parent, path.stem, (asked,))["swing"]
+    done = motion.perform(path.parent, path.stem, asked)
     assert done.motion is not None and done.finite
     return done.motion
 
@@ -186,7 +186,7 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
     theirs = physx.perform(built(robot, tmp_path / "usd"), [run])["m"].motion
     assert theirs is not None
     inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
-    ours = mujoco_perform(inputs / "mjcf", "robot", [run])["m"].motion
+    ours = mujoco_perform(inputs / "mjcf", "robot", run).motion
     assert ours is not None
     for name in sine.speeds:
         response = compare_response(sine, name, ours, theirs)

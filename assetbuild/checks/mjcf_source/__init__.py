@@ -15,16 +15,17 @@ nor what the build changes by rule:
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from assetbuild.checks.mjcf_source.at_rest import ROUGH, Facts, Side, read_side
+from assetbuild.checks.mjcf_source.at_rest import Facts, Side, read_side
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import EXACT, Difference, Precision, differences, equality_findings
 from assetbuild.facts.mjcf import MESHES
 from assetbuild.facts.table import Key, Table, Value, pair_of
+from assetbuild.facts.vocabulary import Comparison
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
@@ -95,7 +96,7 @@ class MjcfSource(Check):
 
         tree, stated = RobotFiles(files.inputs).tree, frozenset(self.stated)
         flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
-        rough = is_rough(flat)
+        rough = roughness(flat)
         # Without `ctrl` the source says 0; our drives hold the pose of the keyframe.
         silent = [key for key in flat.iterfind("keyframe/key") if not key.get("ctrl")]
         stated |= {f"commands {key.get('name')}" for key in silent}
@@ -136,14 +137,14 @@ class MjcfSource(Check):
         write_figures(files, figures)
 
 
-def is_rough(root: ElementTree.Element) -> bool:
-    """Whether MuJoCo itself reads the source to six digits only: before 4.0 it diagonalised a
+def roughness(root: ElementTree.Element) -> Mapping[Comparison, float]:
+    """What MuJoCo itself reads to six digits only of the source: before 4.0 it diagonalised a
     `fullinertia` to a relative 3e-6 (measured in 3.11); we take the source's own numbers.
     """
     import mujoco as mj
 
-    old = int(mj.__version__.split(".")[0]) < 4
-    return old and any(inertial.get("fullinertia") for inertial in root.iter("inertial"))
+    full = any(inertial.get("fullinertia") for inertial in root.iter("inertial"))
+    return {"tensor": 1e-5, "vector": 1e-5} if full and mj.__version__.startswith("3.") else {}
 
 
 def _objects(mesh: ElementTree.Element, folder: Path) -> int:
@@ -219,9 +220,9 @@ OPTIONS = {"ls_iterations": "line search iterations"}
 """Key of a recipe -> quantity, where they differ."""
 
 
-def compare(before: Table, after: Table, *, rough: bool) -> list[Difference]:
-    """Everything that differs. rough: see `ROUGH`."""
-    by = {**EXACT, "length": 1e-6} | ({"tensor": ROUGH, "vector": ROUGH} if rough else {})
+def compare(before: Table, after: Table, *, rough: Mapping[Comparison, float]) -> list[Difference]:
+    """Everything that differs. rough: see `roughness`."""
+    by: dict[Comparison, float] = {**EXACT, "length": 1e-6, **rough}
     poses = {("shape", "pose"): SNAPPED, ("frame", "pose"): SNAPPED}
     found = differences(before, after, Precision(by, {**MESHES.by_quantity, **poses}))
     return [difference for difference in found if difference.key.quantity not in LOOKS]

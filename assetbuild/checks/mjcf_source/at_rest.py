@@ -29,11 +29,8 @@ ROOT = "root"
 """The name of everything that is rigidly one with the root, whatever that is called."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 """What MuJoCo draws a shape in that states no colour."""
-ROUGH = 1e-5
-"""MuJoCo before 4.0 diagonalised a `fullinertia` to a relative 3e-6 (measured in 3.11); we take the
-source's own numbers."""
-FIXED, FREE = (0, 1), 0
-"""Equalities that hold bodies; the type of a free joint."""
+FIXED = (0, 1)
+"""Equalities that hold bodies."""
 
 
 @dataclass(frozen=True)

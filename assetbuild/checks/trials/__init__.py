@@ -13,7 +13,7 @@ from pydantic import Field
 from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding
 from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.files import RobotFiles
@@ -23,7 +23,6 @@ from assetbuild.simulators.mujoco import ArenaFullError
 from assetbuild.simulators.mujoco import trials as experiments
 from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.stand import outcome_figures, stand
-from assetbuild.simulators.mujoco.trials import Settled
 
 SHOWN_PAIRS = 40
 LARGEST_DOFS = 300
@@ -109,11 +108,7 @@ class Trials(mujoco.InMujoco):
         figures: dict[str, object] = {}
         driven = servoed(model, control, {"ideal_pd", "dc_motor"})
         yield from self.examine(driven, figures, servoed(model, control))
-        write_figures(files, figures, self._limits())
-
-    def _limits(self) -> dict[str, float]:
-        """Name of a figure -> what it is compared with."""
-        return {
+        limits = {
             **dict.fromkeys(("asked", "moved"), self.min_response),
             "energy_drift": self.energy,
             "timestep_error": self.timestep,
@@ -124,6 +119,7 @@ class Trials(mujoco.InMujoco):
             **dict.fromkeys(("drift_m", "support_margin_m"), self.drift),
             **dict.fromkeys(("height_before_m", "height_after_m"), self.drop),
         }
+        write_figures(files, figures, limits)
 
     def examine(
         self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model | None = None
@@ -217,7 +213,15 @@ class Trials(mujoco.InMujoco):
         placed = model.nkey or not free  # where a free robot starts, a keyframe alone says
         depths = {b: depth for (a, b), depth in overlaps.items() if placed and not a}
         figures["in_floor"] = [{"body": body, "depth_m": depth} for body, depth in depths.items()]
-        yield from (_in_floor(body, depth) for body, depth in depths.items() if depth >= DEEP_M)
+        for body, depth in depths.items():
+            if depth >= DEEP_M:
+                yield rules.FLOOR(
+                    f"link {body}",
+                    f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
+                    "simulators throw it off or jam it",
+                    data={"depth_m": depth, "limit_m": START_M},
+                    blocks=depth > START_M,
+                )
         if free and not experiments.touches_floors(model):
             yield rules.NOTHING_TOUCHES(
                 "robot",
@@ -252,24 +256,14 @@ class Trials(mujoco.InMujoco):
     ) -> Iterator[Finding]:
         """falls: it falls by itself, so that it also lies, rolls and moves after a drop."""
         settled = experiments.settle(model, self.drop)
-        figures["settle"] = _settled_figures(settled)
+        values = settled.speed, settled.penetration_m, settled.drift_m
+        names = "fastest_joint", "deepest_contact_m", "drift_m"
+        shown = zip(names, values if settled.finite else (None,) * 3, strict=True)
+        figures["settle"] = {"finite": settled.finite, **dict(shown)}
         if not settled.finite:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        for rule, (value, limit, text) in self._restless(settled).items():
-            yield rule(
-                "robot",
-                f"two seconds after a drop from {self.drop:g} m {text}",
-                hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, or "
-                "a pose that stands by itself",
-                severity="info" if falls else None,
-                data={"value": value, "limit": limit},
-            )
-
-    def _restless(self, settled: Settled) -> Mapping[Rule, tuple[float, float, str]]:
-        """(value, its limit, words) by rule of what is above its limit."""
-        exceeded = {}
         for rule, value, limit, what, unit in (
             (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
             (
@@ -282,9 +276,15 @@ class Trials(mujoco.InMujoco):
             (rules.DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
         ):
             if value > limit:
-                shown = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
-                exceeded[rule] = value, limit, f"{what} {shown}"
-        return exceeded
+                size = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
+                yield rule(
+                    "robot",
+                    f"two seconds after a drop from {self.drop:g} m {what} {size}",
+                    hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, "
+                    "or a pose that stands by itself",
+                    severity="info" if falls else None,
+                    data={"value": value, "limit": limit},
+                )
 
     def _left_alone(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Nobody touches the robot at its first keyframe; its drives hold what they can."""
@@ -326,22 +326,3 @@ class Trials(mujoco.InMujoco):
 
 def _or_unstable(value: float) -> float | str:
     return value if math.isfinite(value) else "unstable"
-
-
-def _in_floor(body: str, depth: float) -> Finding:
-    return rules.FLOOR(
-        f"link {body}",
-        f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
-        "simulators throw it off or jam it",
-        hint="turn or raise the keyframe `home`",
-        data={"depth_m": depth, "limit_m": START_M},
-        blocks=depth > START_M,
-    )
-
-
-def _settled_figures(settled: Settled) -> dict[str, object]:
-    """None for what is not finite, which JSON cannot say."""
-    values = settled.speed, settled.penetration_m, settled.drift_m
-    shown = values if settled.finite else (None,) * 3
-    names = "fastest_joint", "deepest_contact_m", "drift_m"
-    return {"finite": settled.finite, **dict(zip(names, shown, strict=True))}

@@ -76,7 +76,9 @@ def _key_node(node: Any, path: tuple[str, ...]) -> Node:  # Any: a node of PyYAM
     if isinstance(node, yaml.MappingNode):
         keys = [str(key.value) for key, _ in node.value]
         items = [value for _, value in node.value]
-    elif isinstance(node, yaml.SequenceNode) and _is_nested(node):
+    elif isinstance(node, yaml.SequenceNode) and any(
+        not isinstance(item, yaml.ScalarNode) for item in node.value
+    ):  # a list of plain values is one value
         keys, items = [f"[{index}]" for index in range(len(node.value))], node.value
     else:
         value = yaml.SafeLoader("").construct_object(node, deep=True)
@@ -86,13 +88,6 @@ def _key_node(node: Any, path: tuple[str, ...]) -> Node:  # Any: a node of PyYAM
     is_named = 0 < len(path) <= NAMED
     subject = (path[0], "".join(path[1:])) if is_named else None
     return Node(None, parts, line, subject)
-
-
-def _is_nested(node: Any) -> bool:  # Any: as above
-    """A list of plain values is one value."""
-    import yaml
-
-    return any(not isinstance(item, yaml.ScalarNode) for item in node.value)
 
 
 def _is_row(value: object) -> bool:

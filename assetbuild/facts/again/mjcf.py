@@ -12,16 +12,14 @@ import numpy as np
 from assetbuild.facts.again.row import Row, groups
 from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
 from assetbuild.facts.again.xml import xml_tree
-from assetbuild.facts.mjcf_fields import subjects
+from assetbuild.facts.mjcf_fields import CALLED, subjects
 from assetbuild.simulators.mujoco import Model
 
-KINDS = {
-    "body": "body", "jnt": "joint", "geom": "geom", "site": "site", "cam": "camera",
-    "light": "light", "mesh": "mesh", "hfield": "hfield", "tex": "texture", "mat": "material",
-    "pair": "pair", "exclude": "exclude", "eq": "equality", "tendon": "tendon",
-    "actuator": "actuator", "sensor": "sensor", "numeric": "numeric", "text": "text",
-    "tuple": "tuple", "key": "key",
-}  # fmt: skip
+PREFIXES = (
+    "body jnt geom site cam light mesh hfield tex mat pair exclude eq tendon actuator sensor "
+    "numeric text tuple key"
+)
+KINDS = {prefix: CALLED.get(prefix, prefix) for prefix in PREFIXES.split()}
 """How MuJoCo's arrays begin -> what MJCF calls the thing; its count is `n` and the former."""
 PLACES = ("names", "paths", "pathadr", "nameadr", "name_", "signature", "narena", "nbuffer")
 """Words in the names of fields that tell where a file lay or how much memory the model takes."""

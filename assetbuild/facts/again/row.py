@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from assetbuild.facts.compare import EQUAL, plain_data, slug, so_for, value_text
+from assetbuild.facts.compare import EQUAL, grouped, plain_data, slug, so_for, value_text
 from assetbuild.facts.table import Value
 from assetbuild.findings import Finding, Scalar
 
@@ -43,13 +43,9 @@ class NotParsedError(Exception):
         self.message, self.line = message, line
 
 
-def groups(rows: Iterable[Row]) -> list[tuple[Row, ...]]:
+def groups(rows: Iterable[Row]) -> list[list[Row]]:
     """Rows of the same kind, attribute and values together."""
-    grouped_rows: dict[tuple[object, ...], list[Row]] = {}
-    for row in rows:
-        same = (row.kind, row.attribute, repr(row.expected), repr(row.found))
-        grouped_rows.setdefault(same, []).append(row)
-    return [tuple(some) for some in grouped_rows.values()]
+    return grouped(rows, lambda r: (r.kind, r.attribute, repr(r.expected), repr(r.found)))
 
 
 def row_findings(rows: Iterable[Row], form: str, file: str) -> Iterator[Finding]:

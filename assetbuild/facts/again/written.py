@@ -24,15 +24,6 @@ class Written:
     writers: Mapping[str, str]
 
 
-@dataclass(frozen=True)
-class Signed:
-    """`Written` as it lies in a bundle. stated, computed: digests of the rest of the file."""
-
-    written: Written
-    stated: str
-    computed: str
-
-
 def sign(text: str, written: Written) -> str:
     """`robot.json` with the key `written`, which holds a digest of the whole file."""
     robot: dict[str, Any] = json.loads(text)  # Any: plain JSON
@@ -41,15 +32,15 @@ def sign(text: str, written: Written) -> str:
     return json.dumps(robot, separators=(",", ":")) + "\n"
 
 
-def read_signed(bundle: Path) -> Signed | None:
-    """None of a bundle that an earlier version built."""
+def read_signed(bundle: Path) -> tuple[Written, str, str] | None:
+    """With the stated and the true digest of the file; None of a bundle of an earlier version."""
     robot = json.loads((bundle / "report/robot.json").read_bytes())
     signature = robot.get(KEY)
     if not isinstance(signature, dict):
         return None
     parts = [signature.get(name) for name in ("meshes", "writers")]
     meshes, writers = (part if isinstance(part, dict) else {} for part in parts)
-    return Signed(Written(meshes, writers), str(signature.get("digest")), _digest(robot))
+    return Written(meshes, writers), str(signature.get("digest")), _digest(robot)
 
 
 def code_digest(modules: Mapping[str, str]) -> str:

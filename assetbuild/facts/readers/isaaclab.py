@@ -87,6 +87,8 @@ TERMS: Mapping[str, Term] = {
     ),
 }
 """Isaac Lab's functions that draw."""
+SCALES = ("kp", "kd", "friction", "armature")
+"""What its terms scale of every joint."""
 NOT_DRAWN = (
     *OF_MATTER[4:], "payload mass", "payload box", "effort", "damping", "encoder bias",
     "surface friction",
@@ -101,14 +103,10 @@ class IsaacLabReader(Reader):
     display_name: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
+    written: ClassVar[str] = "*_isaaclab_2.py"  # the module for 3.x lies beside it
     file_globs: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py",)
     recipe_sections: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("robot self-collision")
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """The module for 2.x; the other lies beside it."""
-        modules = sorted(root.glob("*_isaaclab_2.py"))
-        return modules[0] if modules else root / f"{robot}_isaaclab_2.py"
 
     def read(self, path: Path) -> Table:
         """The facts of both modules, by the names that they write out."""
@@ -129,7 +127,8 @@ class IsaacLabReader(Reader):
         def is_stated(key: Key) -> bool:
             return self.holds(key) and (key.kind != "joint" or key.name in driven)
 
-        facts = robot_table(reference).only(is_stated) | drawn(reference, _draws, NOT_DRAWN)
+        draws = drawn(reference, lambda _, word: word in SCALES, NOT_DRAWN)
+        facts = robot_table(reference).only(is_stated) | draws
         return _both({n: facts | _besides(reference, self.robot, n) for n in GENERATIONS})
 
 
@@ -220,11 +219,6 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
         words["materials"] = (asked.get("friction_buckets", MATERIALS),)
         facts.put("robot", "", {f"drawn:{word}": value for word, value in words.items()})
     return facts.table()
-
-
-def _draws(row: Actuator | None, word: str) -> bool:
-    """Its terms scale these numbers of every joint."""
-    return word in ("kp", "kd", "friction", "armature")
 
 
 def _solving(reference: Reference, generation: Generation) -> Iterator[tuple[str, Value]]:

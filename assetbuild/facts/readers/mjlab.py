@@ -90,14 +90,10 @@ class MjlabReader(Reader):
     format_id: ClassVar[str] = FORM
     display_name: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
+    written: ClassVar[str] = "python/*_mjlab.py"
     file_globs: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     recipe_sections: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("simulation cone", "simulation impratio")
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """The one module below `python/`."""
-        modules = sorted((root / "python").glob("*_mjlab.py"))
-        return modules[0] if modules else root / "python" / f"{robot}_mjlab.py"
 
     def read(self, path: Path) -> Table:
         """The facts of a module, by the names that it writes out."""

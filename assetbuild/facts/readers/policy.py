@@ -29,9 +29,6 @@ class PolicyFacts(Reader):
     """Orders are words of the format, `policy:mujoco`, with the place of each joint in them."""
 
     needs: ClassVar[tuple[str, ...]] = ("policy",)
-    reads: ClassVar[tuple[str, ...]] = (
-        "links.json", "tree.json", "shapes.json", "control.json", "assets.json",
-    )  # fmt: skip
     format_id: ClassVar[str] = "policy"
     display_name: ClassVar[str] = "the policy's contract"
     folder: ClassVar[str] = "policy"

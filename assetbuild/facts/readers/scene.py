@@ -13,7 +13,7 @@ from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import plain
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import FactCollector, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.floor import brings_floor, floor_of, starting_origins
 from assetbuild.robot.pose import rotation_of
@@ -41,47 +41,46 @@ class SceneFacts(Reader):
         beside = f"{self.robot}{path.stem.removeprefix('scene')}.xml"  # `go1_mjx.xml`
         robot, scene = _compiled(path.with_name(beside)), _compiled(path)
         before, after = compiled_facts(robot).facts, compiled_facts(scene).facts
-        facts: dict[Key, Value] = {}
+        facts = FactCollector()
         for key in dict.fromkeys((*before, *after)):
             if before.get(key) != after.get(key):
                 word = key.quantity.removeprefix("mjcf:")
-                facts[key._replace(quantity=f"mjcf:{word}")] = after.get(key, "missing")
+                facts.put(key.kind, key.name, {f"mjcf:{word}": after.get(key, "missing")})
         there = {robot.geom(index).name for index in range(robot.ngeom)}
         planes = [index for index in floors(scene) if scene.geom(index).name not in there]
         for index in range(scene.ngeom):
             name = str(scene.geom(index).name)
             if name not in there and index not in planes[:1]:
-                facts[Key("shape", name, "mjcf:type")] = plain(scene.geom_type[index])
+                facts.put("shape", name, {"mjcf:type": plain(scene.geom_type[index])})
         for index in planes[:1]:
-            facts |= _floor(scene, index)
-        values: dict[str, Value] = {
-            "centre": plain(scene.stat.center),
-            "extent": float(scene.stat.extent),
-            "lights": float(scene.nlight - robot.nlight),
-        }
-        return Table(facts | {Key("view", "", f"mjcf:{word}"): v for word, v in values.items()})
+            facts.put("floor", "", _floor(scene, index))
+        facts.put("view", "", {
+            "mjcf:centre": plain(scene.stat.center),
+            "mjcf:extent": float(scene.stat.extent),
+            "mjcf:lights": float(scene.nlight - robot.nlight),
+        })  # fmt: skip
+        return facts.table()
 
     def expected(self, reference: Reference) -> Table:
         """A view of the robot, and the floor below it where its own MJCF brings none."""
         origins = starting_origins(reference.tree, reference.control)
         size = max(SMALLEST_VIEW_M, float(np.linalg.norm(np.ptp(origins, axis=0))))
         middle = (origins.min(axis=0) + origins.max(axis=0)) / 2.0
-        view: dict[str, Value] = {
-            "centre": tuple(round(value, 2) for value in middle.tolist()),
-            "extent": round(size, 2),
-            "lights": 1.0,
-        }
-        facts = {Key("view", "", f"mjcf:{word}"): value for word, value in view.items()}
-        if brings_floor(reference.tree, reference.control):
-            return Table(facts)
-        floor = floor_of(reference.tree, reference.control)
-        values: dict[str, Value] = {
-            "height": floor.height_m,
-            "friction": floor.friction,
-            "mjcf:normal": (0.0, 0.0, 1.0),
-            "mjcf:masks": (1.0, 1.0),
-        }
-        return Table(facts | {Key("floor", "", word): value for word, value in values.items()})
+        facts = FactCollector()
+        facts.put("view", "", {
+            "mjcf:centre": tuple(round(value, 2) for value in middle.tolist()),
+            "mjcf:extent": round(size, 2),
+            "mjcf:lights": 1.0,
+        })  # fmt: skip
+        if not brings_floor(reference.tree, reference.control):
+            floor = floor_of(reference.tree, reference.control)
+            facts.put("floor", "", {
+                "height": floor.height_m,
+                "friction": floor.friction,
+                "mjcf:normal": (0.0, 0.0, 1.0),
+                "mjcf:masks": (1.0, 1.0),
+            })  # fmt: skip
+        return facts.table()
 
 
 class SceneMjxFacts(SceneFacts):
@@ -102,13 +101,12 @@ def _compiled(path: Path) -> Model:
         raise UsageError(f"MuJoCo refuses `{path}`: {error.message}") from None
 
 
-def _floor(model: Model, plane: int) -> dict[Key, Value]:
+def _floor(model: Model, plane: int) -> dict[str, Value]:
     """How wide its grid is drawn is no matter."""
     turn = rotation_of(tuple(float(v) for v in model.geom_quat[plane]))  # type: ignore[arg-type] # four
-    values: dict[str, Value] = {
+    return {
         "height": float(model.geom_pos[plane, 2]),
         "friction": plain(model.geom_friction[plane]),
         "mjcf:normal": tuple(turn[:, 2].tolist()),
         "mjcf:masks": (float(model.geom_contype[plane]), float(model.geom_conaffinity[plane])),
     }
-    return {Key("floor", "", word): value for word, value in values.items()}

@@ -79,14 +79,11 @@ class UrdfFacts(Reader):
     format_id: ClassVar[str] = "urdf"
     display_name: ClassVar[str] = "the URDF"
     folder: ClassVar[str] = "urdf"
+    written: ClassVar[str] = "{robot}.urdf"
     file_globs: ClassVar[tuple[str, ...]] = ("urdf/*",)
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
     simulated: ClassVar[bool] = False
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """`<robot>.urdf`."""
-        return root / f"{robot}.urdf"
 
     def read(self, path: Path) -> Table:
         """Links, joints and their meshes; UsageError where it is no URDF."""

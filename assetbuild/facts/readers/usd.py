@@ -8,9 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision
-from assetbuild.facts.reader import BROKEN, Lost, Reader
+from assetbuild.facts.reader import Lost, Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
@@ -38,13 +37,9 @@ OURS = re.compile(
 """Words of engines that our own files state, too."""
 
 
-def ignored_words(path: Path) -> Iterator[Finding]:
-    """One finding for all of a file that can be read."""
-    try:
-        facts = UsdReader(robot=path.stem).read(path).facts
-    except (UsageError, *BROKEN):
-        return
-    words = {key.quantity for key in facts if not OURS.fullmatch(key.quantity)}
+def ignored_words(table: Table) -> Iterator[Finding]:
+    """One finding for all of a file."""
+    words = {key.quantity for key in table.facts if not OURS.fullmatch(key.quantity)}
     stated = {word.removeprefix("usd:") for word in words if word.startswith("usd:")}
     names = tuple(sorted(word for word in stated if word.startswith(ENGINES)))
     if names:

@@ -201,16 +201,11 @@ def without(model: Model, *flags: str) -> Model:
     return changed
 
 
-def initial_key(model: Model) -> int | None:
-    """The keyframe `home`, else the first; None without any. See `robot.initial`."""
-    home = int(mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, "home"))
-    return max(home, 0) if model.nkey else None
-
-
 def at_key(model: Model, key: int | None = None) -> Data:
-    """A keyframe with its controls; without `key` the initial pose, see `robot.initial`."""
+    """A keyframe with its controls; without `key` the initial pose, as `robot.initial` has it."""
     data = mj.MjData(model)
-    key = initial_key(model) if key is None else key
+    if key is None and model.nkey:  # `home`, else the first
+        key = max(int(mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, "home")), 0)
     if key is None:
         _stand_within_limits(model, data)
     else:

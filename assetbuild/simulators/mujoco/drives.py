@@ -63,12 +63,6 @@ class Drive:
         """Whether a constant command pulls the joint to one position; a growing one, further."""
         return self.is_affine and self.kp > 0.0 and self.gain * self.gear > 0.0
 
-    @property
-    def within_effort(self) -> Range:
-        """The torque within the larger end of what the joint takes, either way, N m or N."""
-        most = max(-self.on_joint[0], self.on_joint[1])
-        return max(self.torque[0], -most), min(self.torque[1], most)
-
     def command(self, position: float) -> float:
         """The command at which a drive that holds positions is at rest at `position`."""
         return (self.kp * position - self.constant) / self.gain
@@ -80,23 +74,6 @@ class Drive:
     def target(self, command: float) -> float:
         """The position at which a drive that holds positions is at rest under `command`."""
         return (self.gain * command + self.constant) / self.kp
-
-
-@dataclass(frozen=True)
-class JointDrives:
-    """All drives of one joint together; an empty tuple where nothing drives it.
-
-    torque: what they can apply at most, after the joint's own `actuatorfrcrange`, N m or N.
-    """
-
-    joint: int
-    drives: tuple[Drive, ...]
-    torque: Range
-
-    @property
-    def effort(self) -> float:
-        """The larger torque of both directions, N m or N; infinite where nothing limits it."""
-        return max(-self.torque[0], self.torque[1])
 
 
 def read_drives(model: Model) -> tuple[Drive, ...]:
@@ -164,12 +141,10 @@ def servoed(model: Model, control: Control, laws: Collection[str] = OUTSIDE) -> 
     return changed
 
 
-def drives_of(model: Model, joint: int) -> JointDrives:
-    """The drives of one joint, by its number."""
-    drives = tuple(drive for drive in read_drives(model) if drive.joint == joint)
-    lower = sum(drive.torque[0] for drive in drives) if drives else -math.inf
-    upper = sum(drive.torque[1] for drive in drives) if drives else math.inf
-    return JointDrives(joint, drives, _on_joint(model, joint, (lower, upper)))
+def torque_on(model: Model, joint: int) -> Range:
+    """What all drives of a joint can apply, within its own `actuatorfrcrange`, N m or N."""
+    torques = [drive.torque for drive in read_drives(model) if drive.joint == joint]
+    return _on_joint(model, joint, (sum(low for low, _ in torques), sum(up for _, up in torques)))
 
 
 def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:

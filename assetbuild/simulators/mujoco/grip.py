@@ -11,15 +11,21 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.hands import Hand, at_pose, between_keys, find_hands, solid_geoms
+from assetbuild.simulators.mujoco.hands import (
+    OBJECT,
+    Hand,
+    at_pose,
+    between_keys,
+    find_hands,
+    solid_geoms,
+)
 
 Shape = Literal["cube", "cylinder", "sphere"]
 SHAPES: tuple[Shape, ...] = ("cube", "cylinder", "sphere")
@@ -45,7 +51,7 @@ DEPTHS, PLACES, ASIDE, EVERY = 4, 31, 1.5, 2
 """An object is tried at so many depths and at so many places across the hand, which reach to so
 many times its width on both sides, in every second pose."""
 TABLE_M, G = 0.02, 9.81
-_OBJECT, _TABLE = "gripped object", "table below the object"
+_TABLE = "table below the object"
 _TABLE_BIT = 1 << 30
 
 
@@ -96,17 +102,19 @@ Try = tuple[Place, float]
 
 def with_object(path: Path) -> Model:
     """The robot of an MJCF with an object that floats and a table, both far away."""
-    spec = mj.MjSpec.from_file(str(path))
-    spec.compiler.discardvisual = True
+    return mujoco.load(path, visuals=False, change=_add_object).model
+
+
+def _add_object(spec: Any) -> None:  # Any: MuJoCo's MjSpec
     for key in spec.keys:
         if len(key.qpos):
             key.qpos = np.append(key.qpos, (0.0, 0.0, 50.0, 1.0, 0.0, 0.0, 0.0))
-    body = spec.worldbody.add_body(name=_OBJECT, pos=(0.0, 0.0, 50.0))
-    body.add_freejoint(name=_OBJECT)
+    body = spec.worldbody.add_body(name=OBJECT, pos=(0.0, 0.0, 50.0))
+    body.add_freejoint(name=OBJECT)
     body.mass, body.inertia, body.explicitinertial = 1.0, (1.0, 1.0, 1.0), True
     body.ipos, body.iquat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     body.add_geom(
-        name=_OBJECT,
+        name=OBJECT,
         type=mj.mjtGeom.mjGEOM_BOX,
         size=(WIDTH_M, WIDTH_M, WIDTH_M),
         contype=1 | _TABLE_BIT,
@@ -121,19 +129,11 @@ def with_object(path: Path) -> Model:
         contype=0,
         conaffinity=_TABLE_BIT,
     )
-    with mujoco.caught_warnings():
-        try:
-            return spec.compile()
-        except ValueError as error:
-            raise StepError(one_line(error)) from None
 
 
 def hands_of(model: Model, keyframes: tuple[str, str] | None) -> list[Hand]:
     """The hand between two keyframes, or without them all that are found."""
-    probe = probe_of(model)
-    if keyframes:
-        return [between_keys(model, probe, *keyframes)]
-    return list(find_hands(model, probe))
+    return [between_keys(model, *keyframes)] if keyframes else list(find_hands(model))
 
 
 def tries_of(model: Model, hand: Hand, masses: Sequence[float]) -> list[Try]:
@@ -144,7 +144,7 @@ def tries_of(model: Model, hand: Hand, masses: Sequence[float]) -> list[Try]:
 
 def probe_of(model: Model) -> int:
     """The geom of the object."""
-    return int(model.geom(_OBJECT).id)
+    return int(model.geom(OBJECT).id)
 
 
 def half_size(shape: Shape, width: float) -> Array:
@@ -262,7 +262,7 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
             forces.append([sum(by_body.get(b, 0.0) for b in side) for side in hand.sides])
     seen.append(_seen_from(data, pressing))
     seat, slip = np.linalg.norm(np.diff(seen, axis=0), axis=2).mean(axis=1)
-    fell = np.linalg.norm(data.body(_OBJECT).xpos - place.xyz) > LIFT_M / 2.0
+    fell = np.linalg.norm(data.body(OBJECT).xpos - place.xyz) > LIFT_M / 2.0
     one, other = (float(force) for force in np.mean(forces, axis=0))
     held = bool(mujoco.is_finite(data) and not fell and min(one, other) > 0.0)
     return Grip(place, mass, float(slip), float(seat), (one, other), held)
@@ -270,7 +270,7 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
 
 def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     """A copy with this object, in which nothing but the fingers moves."""
-    model, body = mujoco.without(model), int(model.body(_OBJECT).id)
+    model, body = mujoco.without(model), int(model.body(OBJECT).id)
     _resize(model, place.shape, place.width_m)
     model.body_mass[body] = mass
     model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
@@ -307,7 +307,7 @@ def shaking(place: Place, times: Array) -> Array:
 
 
 def _put(model: Model, data: Data, xyz: Array, R: Array) -> None:
-    at = int(model.joint(_OBJECT).qposadr[0])
+    at = int(model.joint(OBJECT).qposadr[0])
     data.qpos[at : at + 3] = xyz
     mj.mju_mat2Quat(data.qpos[at + 3 : at + 7], R.ravel())
 
@@ -340,5 +340,5 @@ def _pressing(model: Model, data: Data, hand: Hand) -> list[int]:
 
 def _seen_from(data: Data, bodies: Sequence[int]) -> Array:
     """(n, 3) place of the object in the frames of bodies."""
-    at = np.array(data.body(_OBJECT).xpos)
+    at = np.array(data.body(OBJECT).xpos)
     return np.array([data.xmat[body].reshape(3, 3).T @ (at - data.xpos[body]) for body in bodies])

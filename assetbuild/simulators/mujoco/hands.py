@@ -20,6 +20,8 @@ from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
+OBJECT = "gripped object"
+"""A shape of the model."""
 SAMPLES = 41
 """Poses of a sweep."""
 SETTLE_S = 0.06
@@ -32,8 +34,6 @@ MEETS = 0.4
 """Share of the open width that may be left between the middles of closed fingertips."""
 SKEW = 0.1
 """rad; fingers that point within this of an axis of the palm point along it."""
-HINGE = 3
-"""`mjJNT_HINGE`."""
 LEAST_OPENING_M = 0.01
 LARGEST_M = 0.3
 """From a finger's joint to its tip; an elbow or a knee folds, too."""
@@ -62,11 +62,11 @@ class Hand:
     across: Array
 
 
-def find_hands(model: Model, probe: int) -> Iterator[Hand]:
+def find_hands(model: Model) -> Iterator[Hand]:
     """Every gripper that one drive closes, or two drives of fingers that face each other.
 
     What has a drive for each of many joints closes in many ways: see `between_keys`.
-    probe: a shape of the model that may be put anywhere.
+    model: has an `OBJECT` that may be put anywhere.
     """
     drives = read_drives(model)
     driven = {int(model.jnt_bodyid[drive.joint]) for drive in drives}
@@ -79,17 +79,17 @@ def find_hands(model: Model, probe: int) -> Iterator[Hand]:
     ]
     for drive in ends:
         fingers = sorted(_linked(model, drive.joint))
-        if hand := _swept(model, probe, (drive,), fingers):
+        if hand := _swept(model, (drive,), fingers):
             yield hand
     for one, other in itertools.combinations(ends, 2):
         parents = model.body_parentid[model.jnt_bodyid[[one.joint, other.joint]]]
         for flip in (False, True) if parents[0] == parents[1] else ():
-            hand = _swept(model, probe, (one, other), [one.joint, other.joint], flip=flip)
+            hand = _swept(model, (one, other), [one.joint, other.joint], flip=flip)
             if hand and hand.palm not in hand.sides[1]:  # they close on each other
                 yield hand
 
 
-def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
+def between_keys(model: Model, opened: str, closed: str) -> Hand:
     """The hand whose joints differ between two keyframes; each of its drives moves evenly.
 
     Raises StepError where there is no such keyframe, or nothing closes between the two.
@@ -103,7 +103,7 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
     drives = tuple(d for d in read_drives(model) if d.holds_position and d.joint in fingers)
     poses = first + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (last - first)
     places = [int(model.jnt_qposadr[drive.joint]) for drive in drives]
-    hand = _hand(model, probe, drives, fingers, poses, poses[:, places]) if drives else None
+    hand = _hand(model, drives, fingers, poses, poses[:, places]) if drives else None
     if hand is None:
         raise StepError(
             f"no fingers come together between the keyframes `{opened}` and `{closed}`",
@@ -152,12 +152,7 @@ def _constrained(model: Model, equality: int) -> Iterator[int]:
 
 
 def _swept(
-    model: Model,
-    probe: int,
-    drives: tuple[Drive, ...],
-    fingers: Sequence[int],
-    *,
-    flip: bool = False,
+    model: Model, drives: tuple[Drive, ...], fingers: Sequence[int], *, flip: bool = False
 ) -> Hand | None:
     """The hand that drives close from one end to the other, if it is one and remains stable.
 
@@ -179,19 +174,14 @@ def _swept(
         poses.append(np.array(data.qpos))
     if not mujoco.is_finite(data):
         return None
-    return _hand(model, probe, drives, fingers, np.array(poses[SETTLING:]), targets)
+    return _hand(model, drives, fingers, np.array(poses[SETTLING:]), targets)
 
 
 # --- what closes --------------------------------------------------------------------------------
 
 
 def _hand(
-    model: Model,
-    probe: int,
-    drives: tuple[Drive, ...],
-    fingers: Sequence[int],
-    poses: Array,
-    targets: Array,
+    model: Model, drives: tuple[Drive, ...], fingers: Sequence[int], poses: Array, targets: Array
 ) -> Hand | None:
     """The hand that a sweep shows; None where nothing closes."""
     bodies = [int(model.jnt_bodyid[joint]) for joint in fingers]
@@ -202,7 +192,7 @@ def _hand(
         return None
     one = _tips(model, palm, sides[0], states)
     if palm in sides[1]:
-        other = _opposite(model, probe, sides[1], states, one)
+        other = _opposite(model, sides[1], states, one)
     else:
         other = _tips(model, palm, sides[1], states)
     widths = np.linalg.norm(one - other, axis=1)
@@ -260,14 +250,12 @@ def _tips(model: Model, palm: int, side: Collection[int], states: Sequence[Data]
     return np.array([(e[outer].min(axis=0) + e[outer].max(axis=0)) / 2.0 for e in points])
 
 
-def _opposite(
-    model: Model, probe: int, side: Collection[int], states: Sequence[Data], tips: Array
-) -> Array:
+def _opposite(model: Model, side: Collection[int], states: Sequence[Data], tips: Array) -> Array:
     """(n, 3) in every state the point of what stands still that the closed fingertip is nearest to.
 
     tips: (n, 3) of the finger, which is closed at one end.
     """
-    best, nearest = np.inf, np.zeros(3)
+    best, nearest, probe = np.inf, np.zeros(3), int(model.geom(OBJECT).id)
     for data, tip in ((states[0], tips[0]), (states[-1], tips[-1])):
         data.geom_xpos[probe], ends = tip, np.zeros(6)
         for geom in solid_geoms(model, side):
@@ -288,7 +276,7 @@ def _base(
     moved = set[int]().union(*(mujoco.below(model, body) - {body} for body in bodies))
     first = [joint for joint, body in zip(fingers, bodies, strict=True) if body not in moved]
     base: Array = np.mean(data.xanchor[first], axis=0)
-    if len(first) == 1 and int(model.jnt_type[first[0]]) == HINGE:
+    if len(first) == 1 and model.jnt_type[first[0]] == mj.mjtJoint.mjJNT_HINGE:
         axis = np.array(data.xaxis[first[0]])
         other = other + ((one - other) @ axis)[:, None] * axis
         base = base + ((one[0] - base) @ axis) * axis

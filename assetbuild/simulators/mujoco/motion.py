@@ -33,17 +33,17 @@ class MujocoCheck(mujoco.InMujoco, SimulatorCheck):
 
     engine: ClassVar[str] = "MuJoCo"
 
+    def label(self, target: str, file: Path) -> tuple[str, str]:
+        """The file itself."""
+        return target, file.name
+
     def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
         """Run experiments on `mjcf/`."""
-        return perform(inputs / "mjcf", self.robot, experiments)
+        return {asked.name: perform(inputs / "mjcf", self.robot, asked) for asked in experiments}
 
 
-def perform(folder: Path, robot: str, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
-    """Run experiments on the MJCF of a folder, by name; `held` is MuJoCo's model."""
-    return {asked.name: _perform(folder, robot, asked) for asked in experiments}
-
-
-def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
+def perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
+    """Run an experiment on the MJCF of a folder; `held` is MuJoCo's model."""
     setting, sine = asked.setting, asked.sine
     path = folder / (f"{robot}.xml" if setting.floor_friction is None else "scene.xml")
     servos = dict(setting.drives or {})

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Iterator
+
+import numpy as np
 
 from assetbuild.simulators.mujoco import Model, mj
 
@@ -26,14 +29,16 @@ def passes(model: Model, a: int, b: int) -> bool:
 
 def touching_geoms(model: Model) -> Iterator[tuple[int, int]]:
     """Pairs of geoms that masks, excludes and MuJoCo's own filter let touch."""
-    excluded = {int(signature) for signature in model.exclude_signature}
-    solid = [i for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
-    for a, b in itertools.combinations(solid, 2):
-        first, second = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-        if (first << 16) + second in excluded or passes(model, first, second):
-            continue
-        mask = model.geom_contype[a] & model.geom_conaffinity[b]
-        if mask | (model.geom_contype[b] & model.geom_conaffinity[a]):
+    excluded = set(np.asarray(model.exclude_signature).tolist())
+    kinds, others, bodies = (
+        np.asarray(column).tolist()
+        for column in (model.geom_contype, model.geom_conaffinity, model.geom_bodyid)
+    )
+    apart = functools.cache(functools.partial(passes, model))
+    for a, b in itertools.combinations([i for i in range(model.ngeom) if kinds[i] or others[i]], 2):
+        first, second = sorted((bodies[a], bodies[b]))
+        meets = kinds[a] & others[b] or kinds[b] & others[a]
+        if meets and (first << 16) + second not in excluded and not apart(first, second):
             yield a, b
 
 

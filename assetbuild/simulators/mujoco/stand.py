@@ -13,7 +13,7 @@ from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import drives_of, read_drives
+from assetbuild.simulators.mujoco.drives import read_drives, torque_on
 
 
 @dataclass(frozen=True)
@@ -173,8 +173,8 @@ def _on_floor(model: Model, data: Data) -> set[str]:
 
 def _load(model: Model, data: Data, joints: Mapping[str, int]) -> Iterator[tuple[str, float]]:
     for name, joint in joints.items():
-        joint_drives = drives_of(model, joint)
+        lower, upper = torque_on(model, joint)
         torque = float(data.qfrc_actuator[int(model.jnt_dofadr[joint])])
-        limit = joint_drives.torque[1] if torque > 0.0 else -joint_drives.torque[0]
-        if joint_drives.drives and 0.0 < limit < math.inf:
+        limit = upper if torque > 0.0 else -lower
+        if 0.0 < limit < math.inf:
             yield name, abs(torque) / limit

@@ -16,7 +16,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
+from assetbuild.simulators.mujoco.drives import Drive, read_drives, torque_on
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
 Name = TypeVar("Name", str, tuple[str, str])
@@ -131,7 +131,8 @@ def shake(model: Model, action: Action) -> Shaken | None:
 
 def _scale(model: Model, drive: Drive, action: Action) -> float:
     """rad or m for one unit of action."""
-    effort = drives_of(model, drive.joint).effort
+    lower, upper = torque_on(model, drive.joint)
+    effort = max(-lower, upper)
     slides = int(model.jnt_type[drive.joint]) == 2
     return action.scale(effort if math.isfinite(effort) else None, drive.kp, slides=slides)
 

@@ -23,7 +23,6 @@ class NewtonCheck(ConsumerCheck, SimulatorCheck):
     """Base of the checks that ask Newton."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    consumer: ClassVar[str] = "newton"
     home: ClassVar[Environment] = HOME
     engine: ClassVar[str] = "Newton"
 

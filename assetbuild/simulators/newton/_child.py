@@ -49,7 +49,7 @@ class World:
         import newton
 
         self.model, self.run = model, run
-        apart, options = not run["contacts"], run.get("solver", {})
+        apart, options = not run["contacts"], run["solver"]
         self.solver = newton.solvers.SolverMuJoCo(
             model, use_mujoco_cpu=True, disable_contacts=apart, **options
         )

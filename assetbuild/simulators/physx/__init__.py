@@ -18,11 +18,7 @@ from assetbuild.simulators.children import ask
 from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck
 from assetbuild.simulators.stages import perform_on_stages
 
-REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
-"""Modules of the extra, for `Check.requires`."""
 BEYOND_IMPORTS = ("assetbuild.simulators.physx._child", "physx_usd_schemas")
-PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
-"""`Step.preload` of a check that opens stages here."""
 ITERATIONS: Mapping[str, str] = {"iterations": "usd.articulation.solver_position_iterations"}
 """For `Check.recipe_fields` of checks that know how often the solver applies gravity in a step."""
 _PROGRAM = Path(__file__).with_name("_child.py")
@@ -62,9 +58,9 @@ class PhysxCheck(SimulatorCheck):
 
     usual_s = 30.0
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    requires: ClassVar[Mapping[str, str]] = REQUIRES
+    requires: ClassVar[Mapping[str, str]] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
     isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = PRELOAD
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
     limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
     engines: ClassVar[tuple[str, ...]] = ("physx",)
     engine: ClassVar[str] = "PhysX"

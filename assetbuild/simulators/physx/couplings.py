@@ -29,28 +29,27 @@ ZERO = 5e-3
 """Share of the leader's way: a smaller offset is none."""
 
 
-def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
-    """Follower -> range of its leader, rad or m."""
+def measurable(tree: Tree) -> Mapping[str, tuple[str, tuple[float, float]]]:
+    """Follower -> its leader, and the leader's range in which all its followers move, rad or m."""
+    followers = {j.name: j.mimic for j in tree.moving_joints if j.mimic and j.mimic.multiplier}
     ranges: dict[str, tuple[float, float]] = {}
-    followers = [j for j in tree.moving_joints if j.mimic and j.mimic.multiplier]
-    for joint in followers:
-        assert joint.mimic is not None  # noqa: S101 # chosen above
-        leader = tree.by_joint[joint.mimic.joint]
-        low, high = ranges.get(leader.name, leader.range or WIDE)
-        ends = [(end - joint.mimic.offset) / joint.mimic.multiplier for end in joint.range or WIDE]
-        ranges[leader.name] = max(low, min(ends)), min(high, max(ends))
-    by_follower = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
-    return {name: (low, high) for name, (low, high) in by_follower.items() if high - low > NARROW}
+    for name, mimic in followers.items():
+        low, high = ranges.get(mimic.joint, tree.by_joint[mimic.joint].range or WIDE)
+        span = tree.by_joint[name].range or WIDE
+        ends = [(end - mimic.offset) / mimic.multiplier for end in span]
+        ranges[mimic.joint] = max(low, min(ends)), min(high, max(ends))
+    led = {name: (mimic.joint, ranges[mimic.joint]) for name, mimic in followers.items()}
+    return {name: row for name, row in led.items() if row[1][1] - row[1][0] > NARROW}
 
 
 def experiments(tree: Tree, control: Control) -> tuple[Experiment, ...]:
     """One, or none where nothing mimics."""
-    ranges = measurable(tree)
-    if not ranges:
+    followers = measurable(tree)
+    if not followers:
         return ()
-    leaders = {_leader(tree, name): ends for name, ends in ranges.items()}
-    drives = {name: Actuator(name, "pd") for name in ranges}
-    drives |= {name: Actuator(name, "pd", kp=KP, kd=KD) for name in leaders if name not in ranges}
+    leaders = dict(followers.values())
+    drives = {name: Actuator(name, "pd", kp=KP, kd=KD) for name in leaders}
+    drives |= {name: Actuator(name, "pd") for name in followers}
     middle = {name: (low + high) / 2.0 for name, (low, high) in leaders.items()}
     swing = {name: SHARE * (high - low) for name, (low, high) in leaders.items()}
     start = with_mimics(tree, {**dict(initial_pose(tree, control).joints), **middle})
@@ -74,8 +73,7 @@ def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, dict[str,
     half = len(done.motion.time) // 2
     couplings: dict[str, dict[str, float | str]] = {}
     joints = {name: track[half:] for name, track in done.motion.joints.items()}
-    for name in measurable(tree):
-        leader = _leader(tree, name)
+    for name, (leader, _) in measurable(tree).items():
         way = float(np.ptp(joints[leader]))
         if way > NARROW * ZERO:
             multiplier, offset = (float(v) for v in np.polyfit(joints[leader], joints[name], 1))
@@ -85,9 +83,3 @@ def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, dict[str,
                 "mimic offset": offset if abs(offset) > ZERO * way else 0.0,
             }
     return couplings
-
-
-def _leader(tree: Tree, follower: str) -> str:
-    mimic = tree.by_joint[follower].mimic
-    assert mimic is not None  # noqa: S101 # a follower
-    return mimic.joint
