@@ -38,6 +38,12 @@ _BOUNDS = {
     "less_than": ("less than", "lt"),
     "less_than_equal": ("at most", "le"),
 }
+_LENGTHS = {
+    "too_short": ("at least", "min_length", "item"),
+    "too_long": ("at most", "max_length", "item"),
+    "string_too_short": ("at least", "min_length", "character"),
+    "string_too_long": ("at most", "max_length", "character"),
+}
 
 
 class KeyedError(RowError):
@@ -224,11 +230,10 @@ def _sentence(
     if kind in _BOUNDS:
         words, name = _BOUNDS[kind]
         return f"must be {words} {raw['ctx'][name]:g}, found {actual}", meaning(model, key)
-    if kind in ("too_short", "too_long"):
-        words = "at least" if kind == "too_short" else "at most"
-        limit = raw["ctx"]["min_length" if kind == "too_short" else "max_length"]
-        needed = f"{words} {limit} {'entry' if limit == 1 else 'entries'}"
-        found = raw["ctx"]["actual_length"]
+    if kind in _LENGTHS:
+        words, name, thing = _LENGTHS[kind]
+        limit, found = raw["ctx"][name], raw["ctx"].get("actual_length", actual)
+        needed = f"{words} {limit} {thing}{'' if limit == 1 else 's'}"
         return f"must have {needed}, found {found}", meaning(model, key)
     if kind == "string_pattern_mismatch":
         pattern = raw["ctx"]["pattern"]
