@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.triangles import Indices, TriangleMesh
+from assetbuild.mesh.triangles import Indices, TriangleMesh, in_order
 from assetbuild.robot.pose import Array, cross
 
 if TYPE_CHECKING:
@@ -40,7 +40,8 @@ def convex_hull(
     given = np.asarray(points, dtype=np.float64)
     if not np.isfinite(given).all():
         raise StepError(f"{subject}: not all vertices are finite numbers")
-    distinct = _distinct(given + 0.0)
+    order, new = in_order(given + 0.0)
+    distinct = given[order[new]] + 0.0
     refuse_flat(distinct, subject)
     whole = _outward(distinct, _qhull(distinct, subject))
     return capped(whole, max_vertices, max_polygons, subject=subject)
@@ -67,14 +68,6 @@ def capped(
         order = order[: max(4, len(order) - max(1, (count - max_polygons) // 2))]
         made = _hull_of(corners, order, subject)
     return made
-
-
-def _distinct(points: Array) -> Array:
-    """`np.unique` of rows, by a quicker sort."""
-    sorted_rows = points[np.lexsort(points.T[::-1])]
-    is_new = np.ones(len(points), dtype=bool)
-    is_new[1:] = (sorted_rows[1:] != sorted_rows[:-1]).any(axis=1)
-    return np.asarray(sorted_rows[is_new])
 
 
 def _hull_of(points: Array, order: Indices, subject: str) -> TriangleMesh:
