@@ -28,6 +28,7 @@ from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.plugin_types import ConvertedMesh, Piece, Pieces
 from assetbuild.recipe_types import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
@@ -298,11 +299,32 @@ class LibraryMethod(CollisionMethod):
         """Limits of one run."""
         return NativeLimits(self.cpu_limit, self.memory_limit_mb)
 
-    def hull_after(self, reference: Reference, library: str, failure: NativeError) -> Fitted:
-        """The last rung: one hull, and a finding with the cause."""
-        return Fitted(
-            (ConvexPiece(reference.hull),), (self.fell(library, failure, "hull"),), "hull"
-        )
+    def by_vhacd(
+        self,
+        mesh: TriangleMesh,
+        options: VHacdOptions,
+        max_hulls: int,
+        max_vertices: int,
+        instead: str,
+    ) -> tuple[list[TriangleMesh], tuple[Finding, ...]]:
+        """V-HACD's parts; where it fails none, and a finding with what is used `instead`."""
+        limits = self.native_limits
+        try:
+            parts = vhacd_parts(
+                mesh, options, max_hulls=max_hulls, max_vertices=max_vertices, limits=limits
+            )
+        except NativeError as failure:
+            return [], (self.fell("V-HACD", failure, instead),)
+        return parts, ()
+
+    def vhacd_or_hull(
+        self, reference: Reference, options: VHacdOptions, max_hulls: int, max_vertices: int
+    ) -> Fitted:
+        """V-HACD's parts; the last rung is one hull."""
+        made, failed = self.by_vhacd(reference.mesh, options, max_hulls, max_vertices, "hull")
+        if failed:
+            return Fitted((ConvexPiece(reference.hull),), failed, "hull")
+        return Fitted(tuple(map(ConvexPiece, made)), (), "V-HACD")
 
     def fell(self, library: str, failure: NativeError, instead: str) -> Finding:
         """What is said when a library gave no result."""

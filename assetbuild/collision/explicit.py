@@ -12,11 +12,12 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
+from assetbuild.mesh.primitives import BY_NAME, resized
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
 from assetbuild.recipe_types import Model, NonNegative, Positive, Real, Turns
 from assetbuild.robot.pose import Pose, quat_of_rpy
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.shapes import Primitive
 
 CONVEX = 0.99
 """Volume / volume of the hull: below it a mesh is reported as not convex."""
@@ -120,10 +121,6 @@ def _pose(piece: ExplicitPiece) -> Pose:
     return Pose(piece.xyz, quat_of_rpy(*piece.rpy))
 
 
-def _geometry(piece: ExplicitPiece) -> Box | Sphere | Capsule | Cylinder:
-    if piece.size is not None:
-        return Box(piece.size)
-    radius, length = piece.radius or 0.0, piece.length or 0.0
-    if piece.type == "sphere":
-        return Sphere(radius)
-    return Capsule(radius, length) if piece.type == "capsule" else Cylinder(radius, length)
+def _geometry(piece: ExplicitPiece) -> Primitive:
+    sizes = piece.size or [size for size in (piece.radius, piece.length) if size is not None]
+    return resized(BY_NAME[piece.type.capitalize()], sizes)
