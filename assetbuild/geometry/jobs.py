@@ -209,18 +209,10 @@ def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as J
 # --- equal shapes ---------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Twin:
-    """An earlier job with an equal shape and equal fields."""
-
-    job: Job
-    likeness: Likeness
-
-
 Converted = Callable[[MeshFile], Node]
 """The node of a converted mesh."""
-Twins = Mapping[Job, Twin]
-"""Keyed by the job that may reuse the other's result."""
+Twins = Mapping[Job, tuple[Job, Likeness]]
+"""Job that may reuse a result -> the earlier one with an equal shape and equal fields."""
 
 
 def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins | None:
@@ -244,13 +236,13 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
         return None
     matches = json.loads(answer)
     by_folder = {folder: label for label, folder in folders.items()}
-    twins: dict[Job, Twin] = {}
+    twins: dict[Job, tuple[Job, Likeness]] = {}
     for (label, options), same in shared.items():
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
         if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
             likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
-            twins |= {job: Twin(others[0], likeness) for job in same}
+            twins |= dict.fromkeys(same, (others[0], likeness))
     return twins
 
 

@@ -11,6 +11,7 @@ import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -85,13 +86,18 @@ class LintMeshes(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for all meshes of the robot."""
         robot = RobotFiles(files.inputs)
-        records = {
-            name: decode_file(ConvertedMesh, files.inputs / "meshes" / f"{number}.json")
-            for number, name in enumerate(self.shapes)
-        }
+        records = _records(files.inputs, self.shapes)
         finding = judge_up_axes(robot.links, robot.source_shapes, records)
         if finding is not None:
             yield finding
+
+
+def _records(inputs: Path, shapes: Sequence[str]) -> dict[str, ConvertedMesh]:
+    """Of the meshes of these shapes, by the shape's name."""
+    return {
+        name: decode_file(ConvertedMesh, inputs / "meshes" / f"{number}.json")
+        for number, name in enumerate(shapes)
+    }
 
 
 def judge_up_axes(
@@ -297,6 +303,8 @@ def _of_primitive(geometry: SourceGeometry) -> Box3:
 
 DEFAULT_KG_M3 = 1000.0
 """SolidWorks' density of a part without a material, water's."""
+FEWEST = 2
+"""A single link of that density may well be one of plastic."""
 NEAR = 0.005
 """Relative: volume of the exported triangles against the CAD's own."""
 
@@ -317,23 +325,18 @@ class LintDensity(Step):
     own_name = "lint_density"
     shapes: tuple[str, ...] = ()
     """Names of the shapes whose meshes `meshes/0.json`, ... are."""
-    fewest: int = 2
-    """A single link of that density may well be one of plastic."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for the robot, when at least half of its links have that density."""
         robot = RobotFiles(files.inputs)
-        volume: dict[str, float | None] = {}
-        for index, name in enumerate(self.shapes):
-            mesh = decode_file(ConvertedMesh, files.inputs / f"meshes/{index}.json")
-            volume[name] = mesh.volume_m3
-        densities = _densities(robot.links, robot.source_shapes, volume)
+        records = _records(files.inputs, self.shapes)
+        densities = _densities(robot.links, robot.source_shapes, records)
         suspects = tuple(
             link
             for link, density in densities.items()
             if abs(density - DEFAULT_KG_M3) <= NEAR * DEFAULT_KG_M3
         )
-        if len(suspects) >= self.fewest and 2 * len(suspects) >= len(densities):
+        if len(suspects) >= FEWEST and 2 * len(suspects) >= len(densities):
             names = ", ".join(suspects[:6]) + (", ..." if len(suspects) > 6 else "")
             yield DEFAULT_DENSITY(
                 "robot",
@@ -346,13 +349,13 @@ class LintDensity(Step):
 
 
 def _densities(
-    tree: Tree, shapes: SourceShapes, volume: dict[str, float | None]
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> dict[str, float]:
     """kg/m3 of the links with a mass whose visual volume is known."""
     densities = {}
     for body in tree.bodies:
         visuals = [shape for shape in shapes.of("visual") if shape.link == body.name]
-        volumes = [volume.get(shape.name) for shape in visuals]
+        volumes = [records[s.name].volume_m3 for s in visuals if s.name in records]
         known = [value for value in volumes if value]
         if body.inertial and body.inertial.mass_kg > 0.0 and visuals and len(known) == len(visuals):
             densities[body.name] = body.inertial.mass_kg / sum(known)
