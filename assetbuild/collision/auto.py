@@ -33,7 +33,7 @@ from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.rays import holes
+from assetbuild.mesh.rays import widest_hole
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.mesh.verdict import blocked_by
@@ -165,8 +165,7 @@ class Auto(LibraryMethod):
         clean mesh of few faces costs it seconds."""
         if reference.exact is not None and len(reference.mesh.faces) <= CLEAN_FACES:
             return True
-        widest = max((hole.area_m2 for hole in holes(reference.mesh, reference.hull)), default=0.0)
-        return widest > np.pi * (self.max_outside or 0.0) ** 2
+        return widest_hole(reference.mesh) > np.pi * (self.max_outside or 0.0) ** 2
 
     def _one_hull(self, reference: Reference) -> _Candidate:
         """Capped, with its volume given back or not: a hull that covers too much needs it not."""

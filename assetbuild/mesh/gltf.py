@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Literal
 from urllib.parse import unquote
 
@@ -98,25 +98,19 @@ def _refuse_unread(header: Any, subject: str) -> None:
                 )
 
 
-class _Files(Mapping[str, bytes]):
+class _Files(dict[str, bytes]):
     """What trimesh asks for other files of a glTF; it looks nowhere else."""
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
-        self._files = files
+        super().__init__(files)
         self.missing: list[str] = []
 
     def __getitem__(self, name: str) -> bytes:
-        content = self._files.get(relative_name(unquote(name)) or "")
+        content = self.get(relative_name(unquote(name)) or "")
         if content is None:
             self.missing.append(name)
             raise KeyError(name)
         return content
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._files)
-
-    def __len__(self) -> int:
-        return len(self._files)
 
 
 class _Materials:

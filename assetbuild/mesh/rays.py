@@ -1,4 +1,4 @@
-"""Parallel rays through a mesh: what they strike, and grids of them from six sides.
+"""Parallel rays through a mesh: what they strike, and holes seen by grids of them.
 
 Everything that asks for rays asks for families of parallel ones, so the triangles are laid out in
 the plane across them and a ray is a point there. Plain float64 sums, one at a time: the same bytes
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.pose import Array, Vec3, vec3
+from assetbuild.robot.pose import Array
 
 Indices = NDArray[np.int64]
 Ends = tuple[Array, Array]
@@ -207,26 +207,6 @@ def _within(counts: Indices) -> Indices:
     return indices
 
 
-def grids(mesh: TriangleMesh, rows: int, reach: float) -> list[tuple[Array, Array]]:
-    """(direction (3,), origins (rows², 3)) of six square grids with edges of `reach`, m.
-
-    Along the axes and the principal axes of the vertices, each from `reach` before the middle.
-    """
-    lower, upper = mesh.bounds
-    middle = (lower + upper) / 2.0
-    spread = mesh.vertices - mesh.vertices.mean(axis=0)
-    principal = np.linalg.eigh(spread.T @ spread)[1].T
-    across = (np.arange(rows) + 0.5) / rows * reach - reach / 2.0
-    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
-    views = []
-    for direction in np.concatenate([np.eye(3), principal]):
-        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-        first /= np.linalg.norm(first)
-        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
-        views.append((direction, origins))
-    return views
-
-
 def missed(origins: Array, view: Across) -> NDArray[np.bool_]:
     """(n,) which rays from origins (n, 3) strike no triangle ahead of them."""
     free = np.ones(len(origins), dtype=bool)
@@ -241,45 +221,30 @@ LEAST = 8
 """Rays: less is a slit between parts. A round hole of a twentieth of the size has as many."""
 
 
-@dataclass(frozen=True)
-class Hole:
-    """A way through, with mesh all around it when seen along `direction`.
+def widest_hole(mesh: TriangleMesh) -> float:
+    """Area in m2 of the widest way through, with mesh all around it; 0 = there is none.
 
-    middle_m: (3,) the point of its axis nearest to the middle of the mesh. open: the share of it
-    that the other geometry leaves.
+    Seen along the axes and the principal axes of the vertices. A notch is none: it is open on one
+    side.
     """
-
-    middle_m: Vec3
-    direction: Vec3
-    area_m2: float
-    open: float
-
-
-def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
-    """Holes of `seen`, largest first, and how `solid` leaves them; both in one frame, m.
-
-    Seen along the axes and the principal axes of the vertices; one hole may come up in several
-    directions. A notch is none: it is open on one side.
-    """
-    reach = 1.05 * seen.diagonal
-    if reach == 0.0:
-        return []
-    area_m2 = (reach / GRID) ** 2
-    openings = []
-    for direction, origins in grids(seen, GRID, reach):
-        patches = _enclosed(missed(origins, Across(seen, direction)))
-        if not patches:
-            continue
-        behind = Across(solid, direction)
-        for rays in patches:
-            left = float(missed(origins[rays], behind).mean())
-            at = vec3(origins[rays].mean(axis=0) + reach * direction)
-            openings.append(Hole(at, vec3(direction), len(rays) * area_m2, left))
-    return sorted(openings, key=lambda hole: -hole.area_m2)
+    reach = 1.05 * mesh.diagonal
+    lower, upper = mesh.bounds
+    middle = (lower + upper) / 2.0
+    spread = mesh.vertices - mesh.vertices.mean(axis=0)
+    principal = np.linalg.eigh(spread.T @ spread)[1].T
+    across = (np.arange(GRID) + 0.5) / GRID * reach - reach / 2.0
+    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
+    most = 0
+    for direction in np.concatenate([np.eye(3), principal]):
+        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+        first /= np.linalg.norm(first)
+        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
+        most = max(most, _enclosed(missed(origins, Across(mesh, direction))))
+    return float(most * (reach / GRID) ** 2)
 
 
-def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """Numbers of the rays of each patch that does not reach the edge of the picture."""
+def _enclosed(through: NDArray[np.bool_]) -> int:
+    """Rays of the largest patch that does not reach the edge of the picture; 0 = a slit at most."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -294,4 +259,4 @@ def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     at_edge = np.concatenate([number[[0, -1]].ravel(), number[:, [0, -1]].ravel()])
     sizes = np.bincount(patches)
     sizes[patches[at_edge]] = 0
-    return [np.flatnonzero(patches == patch) for patch in np.flatnonzero(sizes >= LEAST)]
+    return int(sizes.max()) if sizes.max() >= LEAST else 0
