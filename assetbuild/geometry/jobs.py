@@ -48,8 +48,7 @@ class Job:
     shapes: tuple[SourceShape, ...]
     method: type[CollisionMethod] | None = None
     fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
-    keep_open: tuple[Region, ...] = ()
-    regions: tuple[ToleranceRegion, ...] = ()
+    places: tuple[Region, ...] = ()
     own: tuple[MeshFile, ...] = ()
 
     @property
@@ -90,11 +89,9 @@ class Job:
         return self.shapes[0].X_link_shape.inverse() if alone else Pose()
 
     def _probes(self) -> tuple[Probe, ...]:
-        places: list[tuple[Region, float | None]]
-        places = [(place, None) for place in self.keep_open]
-        places += [(place, place.max_outside) for place in self.regions]
         made = []
-        for place, most in places:
+        for place in self.places:
+            most = place.max_outside if isinstance(place, ToleranceRegion) else None
             start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
             made.append(Probe(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
@@ -123,13 +120,14 @@ def _jobs_of(
     fields = _fields(rule, recipe)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
+    places = (*rule.keep_open, *rule.regions)
     if method.scope != "shape":
         files = _own_meshes(rule, fields, folder)
-        return [Job(link, link_shapes, method, fields, rule.keep_open, rule.regions, files)]
+        return [Job(link, link_shapes, method, fields, places, files)]
     return [
         Job(link, (shape,))
         if isinstance(shape.geometry, method.keeps)
-        else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
+        else Job(link, (shape,), method, fields, places)
         for shape in link_shapes
     ]
 
@@ -252,7 +250,7 @@ def _by_mesh(jobs: Sequence[Job], converted: Converted) -> dict[tuple[str, str],
     for job in jobs:
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
-        if job.per_link or job.keep_open or job.regions:
+        if job.per_link or job.places:
             continue
         if not isinstance(job.shapes[0].geometry, MeshFile):
             continue

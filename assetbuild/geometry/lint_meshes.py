@@ -19,6 +19,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import format_of
 from assetbuild.mesh.read import TO_Z_UP
+from assetbuild.mesh.solid import beyond_box
 from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
@@ -108,11 +109,11 @@ def judge_up_axes(
     records: by the name of the shape; a mesh without one is no witness.
     """
     votes = _votes(tree, shapes, records)
-    wrong = _wrong(votes, _doubted(shapes, records))
+    is_turned = _doubted(shapes, records)
+    wrong = _wrong(votes, is_turned)
     better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
     if not better:
         return None
-    is_turned = _doubted(shapes, records)
     first = max(better, key=lambda vote: (vote.is_sure, vote.now - vote.other))
     mesh = next(path for path in first.paths if path in wrong)
     stated = next(r.up_axis for s, r in _said(shapes, records) if s == mesh)
@@ -226,11 +227,13 @@ def _vote(
         misfits[SHAPE] = [float(np.abs(b - seen).max()) for b in boxes]
     else:
         if body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
-            com = np.array(body.inertial.com_m)
-            misfits["the centre of mass"] = [_outside(box, com) for box in boxes]
+            com = np.array([body.inertial.com_m])
+            misfits["the centre of mass"] = [
+                float(beyond_box(box[0], box[1], com)[0]) for box in boxes
+            ]
         if len(joints):
-            far = [[_outside(box, joint) for joint in joints] for box in boxes]
-            misfits["where its joints are"] = [float(np.mean(gaps)) for gaps in far]
+            far = [float(beyond_box(box[0], box[1], joints).mean()) for box in boxes]
+            misfits["where its joints are"] = far
     paths = tuple(dict.fromkeys(_path(shape) for shape in doubted))
     votes = [
         _Vote(body.name, paths, now / size, other / size, by, False)
@@ -242,12 +245,6 @@ def _vote(
     best = max(votes, key=lambda vote: abs(vote.now - vote.other))
     is_sure = min(best.now, best.other) < CLOSELY if witnesses else len(votes) > 1
     return replace(best, is_sure=is_sure)
-
-
-def _outside(box: Box3, point: Array) -> float:
-    """How far a point lies outside, m."""
-    gap = np.maximum(box[0] - point, point - box[1])
-    return float(np.linalg.norm(np.maximum(gap, 0.0)))
 
 
 def _says(shape: SourceShape, records: Mapping[str, ConvertedMesh]) -> bool:

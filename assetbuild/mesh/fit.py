@@ -35,11 +35,11 @@ FIBONACCI = 24
 
 def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
     """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
-    score = _Score(reference)
+    score = _score(reference)
     samples, _ = surface_samples(reference.mesh, SAMPLES, 0)
     smallest = enclosing_each(reference, kinds)
     fits = (fit for each in smallest for fit in (each, _least_squares(each, samples)))
-    return tidy(first_best(fits, score.of))
+    return tidy(first_best(fits, score))
 
 
 def box_axes(reference: Reference) -> tuple[Array, float]:
@@ -82,20 +82,19 @@ def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitt
     return best
 
 
-class _Score:
-    """over + 2 under of a primitive against a mesh, on one cloud of points."""
+def _score(reference: Reference) -> Callable[[Fitted], float]:
+    """over + 2 under of a primitive against a mesh, on one cloud of points; 0 is perfect."""
+    inside, volume = reference.inside
+    if not len(inside):  # thinner than the points are apart
+        lower, upper = reference.room
+        inside, volume = sobol(POINTS, lower, upper), float(np.prod(upper - lower))
 
-    def __init__(self, reference: Reference) -> None:
-        self._inside, self._volume = reference.inside
-        if not len(self._inside):  # thinner than the points are apart
-            lower, upper = reference.room
-            self._inside, self._volume = sobol(POINTS, lower, upper), float(np.prod(upper - lower))
-
-    def of(self, fitted: Fitted) -> float:
-        """The score; 0 is a perfect cover."""
-        covered = float((ConvexPiece(*fitted).distance(self._inside) <= 0.0).mean())
-        over = volume_of(fitted[0]) / self._volume - covered
+    def score(fitted: Fitted) -> float:
+        covered = float((ConvexPiece(*fitted).distance(inside) <= 0.0).mean())
+        over = volume_of(fitted[0]) / volume - covered
         return over + 2.0 * (1.0 - covered)
+
+    return score
 
 
 def _candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:

@@ -40,15 +40,15 @@ def signed_distance(primitive: Primitive, points: Array) -> Array:
     if isinstance(primitive, Sphere):
         return np.asarray(np.linalg.norm(points, axis=1) - primitive.radius)
     if isinstance(primitive, Box):
-        return _outside(np.abs(points) - np.asarray(primitive.size) / 2.0)
+        return from_faces(np.abs(points) - np.asarray(primitive.size) / 2.0)
     height = np.abs(points[:, 2]) - primitive.length / 2.0
     radial = np.hypot(points[:, 0], points[:, 1])
     if isinstance(primitive, Capsule):
         return np.asarray(np.hypot(radial, np.maximum(height, 0.0)) - primitive.radius)
-    return _outside(np.column_stack([radial - primitive.radius, height]))
+    return from_faces(np.column_stack([radial - primitive.radius, height]))
 
 
-def _outside(beyond: Array) -> Array:
+def from_faces(beyond: Array) -> Array:
     """Distance to an axis-aligned body from how far each coordinate is beyond its faces."""
     apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     return np.asarray(apart + np.minimum(beyond.max(axis=1), 0.0))
@@ -78,7 +78,7 @@ def distance_slopes(primitive: Primitive, points: Array) -> tuple[Array, Array]:
 
 
 def _towards(beyond: Array) -> Array:
-    """The slope of `_outside`, (n, k): outside to the nearest corner, inside to a face."""
+    """The slope of `from_faces`, (n, k): outside to the nearest corner, inside to a face."""
     outside = unit_vectors(np.maximum(beyond, 0.0))
     face = np.eye(beyond.shape[1])[np.argmax(beyond, axis=1)]
     return np.where((beyond > 0.0).any(axis=1, keepdims=True), outside, face)

@@ -53,8 +53,7 @@ class TriangleMesh:
     @cached_property
     def areas(self) -> Array:
         """(m,) areas of the faces, m2."""
-        a, b, c = np.moveaxis(self.corners, 1, 0)
-        return np.asarray(np.linalg.norm(cross(b - a, c - a), axis=1) / 2.0, dtype=np.float64)
+        return np.asarray(np.linalg.norm(spanned(self.corners), axis=1) / 2.0, dtype=np.float64)
 
     @cached_property
     def is_closed(self) -> bool:
@@ -138,6 +137,12 @@ def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     )
 
 
+def spanned(triangles: Array) -> Array:
+    """(k, 3) m2: normals of triangles (k, 3, 3), twice as long as their area."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return cross(b - a, c - a)
+
+
 def unit_vectors(vectors: Array) -> Array:
     """Vectors (..., 3) divided by their length; zero vectors stay zero."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
@@ -146,8 +151,7 @@ def unit_vectors(vectors: Array) -> Array:
 
 def face_normals(mesh: TriangleMesh) -> Array:
     """(m, 3) unit normals of the faces; zero for degenerate ones."""
-    a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    return unit_vectors(cross(b - a, c - a))
+    return unit_vectors(spanned(mesh.corners))
 
 
 TURNED = 1e-9
@@ -179,7 +183,7 @@ def polygon_triangles(counts: Indices, corners: Array) -> Indices:
     fans = fan_triangles(counts)
     owner = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
     with np.errstate(all="ignore"):  # whoever reads the file refuses what is not finite
-        across = _areas(corners[fans])
+        across = spanned(corners[fans])
         normal = np.stack([np.bincount(owner, a, len(counts)) for a in across.T], axis=1)
         size = np.einsum("ij,ij->i", normal, normal)
         is_turned = np.einsum("ij,ij->i", across, normal[owner]) < -TURNED * size[owner]
@@ -213,12 +217,6 @@ def with_short_diagonals(triangles: Indices, counts: Indices, corners: Array) ->
     return turned
 
 
-def _areas(triangles: Array) -> Array:
-    """(k, 3) m2: normals of triangles (k, 3, 3), twice as long as their area."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return cross(b - a, c - a)
-
-
 def _ears(start: int, corners: Array) -> Indices:
     """(n - 2, 3) corner numbers from `start` on; the fan where ear clipping does not cover less.
 
@@ -228,12 +226,12 @@ def _ears(start: int, corners: Array) -> Indices:
     import manifold3d
 
     fan = fan_triangles(np.array([len(corners)]))
-    normal = _areas(corners[fan]).sum(axis=0)
+    normal = spanned(corners[fan]).sum(axis=0)
     side = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     up = np.cross(normal, side)
     plane = np.stack([side / np.linalg.norm(side), up / np.linalg.norm(up)], axis=1)
     ears = np.asarray(manifold3d.triangulate([(corners - corners[0]) @ plane]), dtype=np.int64)
-    whole, clipped = (np.linalg.norm(_areas(corners[t]), axis=1).sum() for t in (fan, ears))
+    whole, clipped = (np.linalg.norm(spanned(corners[t]), axis=1).sum() for t in (fan, ears))
     return start + (ears if len(ears) == len(fan) and clipped < whole else fan)
 
 
