@@ -69,10 +69,6 @@ class PlacedSource:
     sizes: tuple[float, ...] = ()
     pose: Pose = IDENTITY
 
-    def __post_init__(self) -> None:
-        if (self.folder is None) == (self.kind is None):
-            raise ValueError("a source is either a mesh folder or a primitive")
-
     @classmethod
     def of_primitive(cls, geometry: Primitive, pose: Pose = IDENTITY) -> PlacedSource:
         """A primitive of the source."""

@@ -8,12 +8,12 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import obj_of
-from assetbuild.mesh.picture import mean_colour
+from assetbuild.mesh.picture import mean_colour, picture_name
 from assetbuild.plugin_types import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
@@ -207,9 +207,8 @@ class _Library:
             self._by_digest[digest] = asset
         return self._by_digest[digest].name
 
-    def add_picture(self, path: Path, stem: str) -> str:
-        """File name of the picture with this content."""
-        name = f"{stem}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}.png"
+    def add_picture(self, path: Path, name: str) -> str:
+        """The name of the picture, which tells its content."""
         if not (self._folder / name).exists():
             shutil.copyfile(path, self._folder / name)
         return name
@@ -264,8 +263,7 @@ class _Palette:
             if part.rgba is None:
                 return None
             return self._take(Material(part.material or "material", part.rgba))
-        stem = part.texture.rpartition("-")[0]
-        texture = self._library.add_picture(folder / part.texture, stem)
+        texture = self._library.add_picture(folder / part.texture, part.texture)
         return self._take(Material(part.material or "material", part.rgba or WHITE, texture))
 
     @property
@@ -292,8 +290,7 @@ class _Palette:
             what = "lies on shapes without texture coordinates: they get one colour"
             self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
             return None
-        stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(material.texture).stem)
-        return self._library.add_picture(png, stem)
+        return self._library.add_picture(png, picture_name(material.texture, png.read_bytes()))
 
     def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:
         key = (rule.id, material.name)

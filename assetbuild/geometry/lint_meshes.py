@@ -88,9 +88,7 @@ class LintMeshes(Step):
         """One finding for all meshes of the robot."""
         robot = RobotFiles(files.inputs)
         records = _records(files.inputs, self.shapes)
-        finding = judge_up_axes(robot.links, robot.source_shapes, records)
-        if finding is not None:
-            yield finding
+        yield from judge_up_axes(robot.links, robot.source_shapes, records)
 
 
 def _records(inputs: Path, shapes: Sequence[str]) -> dict[str, ConvertedMesh]:
@@ -103,7 +101,7 @@ def _records(inputs: Path, shapes: Sequence[str]) -> dict[str, ConvertedMesh]:
 
 def judge_up_axes(
     tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
-) -> Finding | None:
+) -> Iterator[Finding]:
     """One finding for all meshes of the robot that would stand better the other way.
 
     records: by the name of the shape; a mesh without one is no witness.
@@ -113,7 +111,7 @@ def judge_up_axes(
     wrong = _wrong(votes, is_turned)
     better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
     if not better:
-        return None
+        return
     first = max(better, key=lambda vote: (vote.is_sure, vote.now - vote.other))
     mesh = next(path for path in first.paths if path in wrong)
     stated = next(r.up_axis for s, r in _said(shapes, records) if s == mesh)
@@ -121,7 +119,7 @@ def judge_up_axes(
     key = "leave it out of" if is_turned[mesh] else "name it in"
     opposite = sum(not vote.is_better for vote in votes)
     meshes = tuple(sorted({path for vote in better for path in vote.paths if path in wrong}))
-    return UP_AXIS_FIT(
+    yield UP_AXIS_FIT(
         f"mesh {mesh}",
         f"it says {stated} and would fit link `{first.link}` better {do}: "
         f"{first.by} is off by {100 * first.now:.0f} % of its size, then {100 * first.other:.0f} %"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from assetbuild._version import __version__
@@ -46,7 +46,7 @@ class Report:
         return {
             "robot": self.robot,
             "assetbuild": __version__,
-            "verdict": self.verdict.to_json(),
+            "verdict": asdict(self.verdict),
             "findings": [finding.to_json() for finding in self.findings],
             "checks": {
                 name: {"status": check.status, "figures": dict(check.figures)}
