@@ -179,16 +179,18 @@ class CollisionMethod(Step):
     ) -> Iterator[Finding]:
         """Write the pieces, and say how they fit. how: the method in words."""
         write_pieces(files.outputs, pieces, quality)
+        tolerances = self.excesses(quality)
+        presets = [self.preset(name) for name in ("locomotion", "manipulation")]
         yield from verdict(
             self.subject,
             reference,
             pieces,
             quality,
             how=how,
-            tolerances=self.excesses(quality),
+            tolerances=tolerances,
             places=self.probes,
             max_hulls=getattr(self, "max_hulls", None),
-            usual=self._usual(quality),
+            usual={k for k, (_, most) in tolerances.items() for p in presets if p.get(k) == most},
         )
 
     def mesh_of(self, files: Files) -> TriangleMesh:
@@ -263,16 +265,6 @@ class CollisionMethod(Step):
             "max_overcover": (quality.over, self.max_overcover),
         }
         return {key: (value, most) for key, (value, most) in stated.items() if most is not None}
-
-    def _usual(self, quality: Quality) -> dict[str, tuple[float, float]]:
-        """Those of `excesses` whose limit is a preset's."""
-        presets = [self.preset(name) for name in ("locomotion", "manipulation")]
-        limits = self.excesses(quality)
-        return {
-            key: pair
-            for key, pair in limits.items()
-            if any(preset.get(key) == pair[1] for preset in presets)
-        }
 
     @property
     def closed_places(self) -> tuple[Probe, ...]:

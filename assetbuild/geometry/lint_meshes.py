@@ -18,6 +18,7 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import format_of
+from assetbuild.mesh.primitives import half_height
 from assetbuild.mesh.read import TO_Z_UP
 from assetbuild.mesh.solid import beyond_box
 from assetbuild.plugin_types import ConvertedMesh
@@ -26,14 +27,10 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import (
-    Box,
-    Capsule,
-    Cylinder,
     MeshFile,
     SourceGeometry,
     SourceShape,
     SourceShapes,
-    Sphere,
 )
 
 CLEARLY = 0.05
@@ -257,7 +254,9 @@ def _around(
     for shape in shapes:
         record = records.get(shape.name)
         if record is None:
-            corners = _corners(_of_primitive(shape.geometry))
+            assert not isinstance(shape.geometry, MeshFile)  # noqa: S101 # a mesh has a record
+            half = np.array([half_height(shape.geometry, axis) for axis in np.eye(3)])
+            corners = _corners(np.array([-half, half]))
         else:
             corners = _corners(np.array([record.lower, record.upper]))
             if other and record.up_axis is not None:
@@ -279,21 +278,6 @@ def _otherwise(corners: Array, record: ConvertedMesh, geometry: SourceGeometry) 
         turn = turn.T
     scale = np.array(geometry.scale if isinstance(geometry, MeshFile) else (1.0, 1.0, 1.0))
     return np.asarray((corners / scale) @ turn.T * scale)
-
-
-def _of_primitive(geometry: SourceGeometry) -> Box3:
-    match geometry:
-        case Box(size):
-            half = np.array(size) / 2.0
-        case Sphere(radius):
-            half = np.full(3, radius)
-        case Cylinder(radius, length):
-            half = np.array([radius, radius, length / 2.0])
-        case Capsule(radius, length):
-            half = np.array([radius, radius, length / 2.0 + radius])
-        case MeshFile():
-            raise TypeError("a mesh has a record")
-    return np.array([-half, half])
 
 
 DEFAULT_KG_M3 = 1000.0

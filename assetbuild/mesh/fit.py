@@ -7,6 +7,7 @@ chooses: what sticks out counts once, what is missing twice.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
@@ -142,29 +143,20 @@ def _frame_of(axis: Array) -> Array:
     return Pose(quat=quat_between((0.0, 0.0, 1.0), axis)).rotation
 
 
-def _cylinder_along(axis: Array, points: Array, steps: int) -> Fitted:
-    rotation = _frame_of(axis)
-    local = points @ rotation
-    centre, radius = _smallest_ball(local[:, :2], steps)
-    low, high = float(local[:, 2].min()), float(local[:, 2].max())
-    return Cylinder(radius, high - low), _pose_at(rotation, centre, (low + high) / 2.0)
-
-
-def _capsule_along(axis: Array, points: Array, steps: int) -> Fitted:
-    """The shortest capsule of the smallest radius about the axis; see the cap's half circle."""
+def _round_along(
+    kind: type[Cylinder] | type[Capsule], axis: Array, points: Array, steps: int
+) -> Fitted:
+    """The shortest of the smallest radius about the axis; a capsule's caps reach over its ends."""
     rotation = _frame_of(axis)
     local = points @ rotation
     centre, radius = _smallest_ball(local[:, :2], steps)
     off = np.linalg.norm(local[:, :2] - centre, axis=1)
-    cap = np.sqrt(np.maximum(radius * radius - off * off, 0.0))
+    cap = np.sqrt(np.maximum(radius * radius - off * off, 0.0)) if kind is Capsule else 0.0
     high, low = float((local[:, 2] - cap).max()), float((local[:, 2] + cap).min())
     if high < low:
         high = low = (high + low) / 2.0
-    return Capsule(radius, high - low), _pose_at(rotation, centre, (low + high) / 2.0)
-
-
-def _pose_at(rotation: Array, centre: Array, height: float) -> Pose:
-    return Pose(vec3(rotation @ np.array([*centre, height])), quat_of(rotation))
+    middle = rotation @ np.array([*centre, (low + high) / 2.0])
+    return kind(radius, high - low), Pose(vec3(middle), quat_of(rotation))
 
 
 def _box_along(axis: Array, points: Array, steps: int) -> Fitted:
@@ -189,8 +181,8 @@ def _box_along(axis: Array, points: Array, steps: int) -> Fitted:
 
 _ALONG: Mapping[type[Primitive], Callable[[Array, Array, int], Fitted]] = {
     Box: _box_along,
-    Cylinder: _cylinder_along,
-    Capsule: _capsule_along,
+    Cylinder: functools.partial(_round_along, Cylinder),
+    Capsule: functools.partial(_round_along, Capsule),
 }
 
 

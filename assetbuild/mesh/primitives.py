@@ -84,6 +84,21 @@ def _towards(beyond: Array) -> Array:
     return np.where((beyond > 0.0).any(axis=1, keepdims=True), outside, face)
 
 
+def half_height(primitive: Primitive, up: Array) -> float:
+    """How far a primitive reaches from its centre towards `up`, m: its support function.
+
+    up: (3,) unit vector in the frame of the primitive.
+    """
+    if isinstance(primitive, Sphere):
+        return primitive.radius
+    if isinstance(primitive, Box):
+        return float(np.abs(up) @ np.asarray(primitive.size)) / 2
+    along = abs(float(up[2])) * primitive.length / 2
+    if isinstance(primitive, Capsule):
+        return along + primitive.radius
+    return along + primitive.radius * float(np.hypot(up[0], up[1]))
+
+
 def volume_of(primitive: Primitive) -> float:
     """Volume, m3."""
     if isinstance(primitive, Box):
@@ -95,7 +110,6 @@ def volume_of(primitive: Primitive) -> float:
     return tube + ball if isinstance(primitive, Capsule) else tube
 
 
-@functools.lru_cache(maxsize=256)
 @functools.lru_cache(maxsize=256)
 def tessellate(primitive: Primitive) -> TriangleMesh:
     """A closed convex mesh, inscribed: its vertices lie on the primitive's surface."""
