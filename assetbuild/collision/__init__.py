@@ -24,7 +24,7 @@ from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import capped, convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
-from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
+from assetbuild.mesh.primitives import BY_NAME, resized, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
@@ -33,7 +33,7 @@ from assetbuild.plugin_types import ConvertedMesh, Piece, Pieces
 from assetbuild.recipe_types import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere, sizes_of
 
 AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource
-from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.world import World
 from assetbuild.errors import did_you_mean
@@ -117,7 +117,7 @@ def _jobs_of(
         return [Job(link, (shape,)) for shape in link_shapes] if rule.method == "keep" else []
     if not link_shapes and method.step_name() != "explicit":
         return []
-    fields = _fields(rule, recipe)
+    fields = _fields(rule, recipe, method)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     places = (*rule.keep_open, *rule.regions)
@@ -195,12 +195,13 @@ def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> No
             raise KeyedError(place, f"no file `{piece.file}`", hint)
 
 
-def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as Job.fields
+def _fields(
+    rule: CollisionRule, recipe: Recipe, method: type[CollisionMethod]
+) -> dict[str, Any]:  # Any: as Job.fields
     """The keys of a rule that are fields of its step; a preset fills in what it does not state."""
-    method = method_of(rule)
-    keys = method.keys() if method else {}
-    preset = method.preset(rule.preset or recipe.collision.preset) if method else {}
-    stated = {k: v for k, v in rule.model_dump(include=set(keys)).items() if v is not None}
+    preset = method.preset(rule.preset or recipe.collision.preset)
+    dumped = rule.model_dump(include=set(method.keys()))
+    stated = {k: v for k, v in dumped.items() if v is not None}
     return dict(preset) | stated
 
 
@@ -218,16 +219,15 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
 
     A question to the graph: meshes are compared once they are converted.
     """
-    shared = _by_mesh(jobs, converted)
-    labels = list(dict.fromkeys(label for label, _ in shared))
-    if len(labels) < 2:
+    shared, nodes = _by_mesh(jobs, converted)
+    if len(nodes) < 2:
         return {}
-    folders = {label: f"shapes/{number}" for number, label in enumerate(labels)}
-    inputs: dict[str, Ref] = {}
-    for job in (same[0] for same in shared.values()):
-        node = _mesh_node(job, converted)
-        for output in ("parts/", "mesh.json"):
-            inputs[f"{folders[node.label]}/{output}"] = node[output]
+    folders = {label: f"shapes/{number}" for number, label in enumerate(nodes)}
+    inputs = {
+        f"{folders[label]}/{output}": node[output]
+        for label, node in nodes.items()
+        for output in ("parts/", "mesh.json")
+    }
     node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
     answer = p.ask(node["matches.json"])
     if answer is None:
@@ -244,23 +244,20 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
     return twins
 
 
-def _by_mesh(jobs: Sequence[Job], converted: Converted) -> dict[tuple[str, str], list[Job]]:
-    """(label of the mesh, fields) -> the jobs with them, of those worth the comparison."""
+def _by_mesh(
+    jobs: Sequence[Job], converted: Converted
+) -> tuple[dict[tuple[str, str], list[Job]], dict[str, Node]]:
+    """({(label of the mesh, fields): jobs with them}, {label: node}) of those worth comparing."""
     groups: dict[tuple[str, str], list[Job]] = {}
+    nodes: dict[str, Node] = {}
     for job in jobs:
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
-        if job.per_link or job.places:
+        mesh = job.shapes[0].geometry
+        if job.per_link or job.places or not isinstance(mesh, MeshFile):
             continue
-        if not isinstance(job.shapes[0].geometry, MeshFile):
-            continue
+        node = converted(mesh)
+        nodes[node.label] = node
         options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
-        groups.setdefault((_mesh_node(job, converted).label, options), []).append(job)
-    return groups
-
-
-def _mesh_node(job: Job, converted: Converted) -> Node:
-    (shape,) = job.shapes
-    if not isinstance(shape.geometry, MeshFile):
-        raise TypeError("only meshes are compared")
-    return converted(shape.geometry)
+        groups.setdefault((node.label, options), []).append(job)
+    return groups, nodes

@@ -104,21 +104,21 @@ def judge_up_axes(
     records: by the name of the shape; a mesh without one is no witness.
     """
     votes = _votes(tree, shapes, records)
-    is_turned = _doubted(shapes, records)
-    wrong = _wrong(votes, is_turned)
+    doubted = _doubted(shapes, records)
+    wrong = _wrong(votes, doubted)
     better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
     if not better:
         return
     first = max(better, key=lambda vote: (vote.is_sure, vote.now - vote.other))
     mesh = next(path for path in first.paths if path in wrong)
-    stated = next(r.up_axis for s, r in _said(shapes, records) if s == mesh)
-    do = "taken as it is" if is_turned[mesh] else "turned to Z"
-    key = "leave it out of" if is_turned[mesh] else "name it in"
+    is_turned = doubted[mesh].turned
+    do = "taken as it is" if is_turned else "turned to Z"
+    key = "leave it out of" if is_turned else "name it in"
     opposite = sum(not vote.is_better for vote in votes)
     meshes = tuple(sorted({path for vote in better for path in vote.paths if path in wrong}))
     yield UP_AXIS_FIT(
         f"mesh {mesh}",
-        f"it says {stated} and would fit link `{first.link}` better {do}: "
+        f"it says {doubted[mesh].up_axis} and would fit link `{first.link}` better {do}: "
         f"{first.by} is off by {100 * first.now:.0f} % of its size, then {100 * first.other:.0f} %"
         f"; so it is for {len(better)} shapes, the opposite for {opposite}",
         hint=f"{key} `source.honour_up_axis`"
@@ -135,7 +135,7 @@ def meshes_to_turn(
     return _wrong(_votes(tree, shapes, records), _doubted(shapes, records))
 
 
-def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str]:
+def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> frozenset[str]:
     """Paths of the meshes that should stand the other way.
 
     The shapes beside a mesh decide for it. Else it follows the other meshes of its format, since
@@ -147,7 +147,7 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str
     count: Counter[str] = Counter()
     for vote in votes:
         for path in vote.paths:
-            says = 1 if vote.is_better != doubted[path] else -1
+            says = 1 if vote.is_better != doubted[path].turned else -1
             shown[path] += says if vote.is_sure and vote.by == SHAPE else 0
             sure[path] += says if vote.is_sure else 0
             alike[format_of(path)] += says
@@ -157,20 +157,16 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str
         format = format_of(path)
         most = alike[format] if abs(alike[format]) > AGREED * count[format] else 0
         wanted[path] = shown[path] or most or sure[path] or alike[format]
-    return frozenset(path for path, says in wanted.items() if says and (says > 0) != doubted[path])
+    return frozenset(
+        path for path, says in wanted.items() if says and (says > 0) != doubted[path].turned
+    )
 
 
-def _doubted(shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> dict[str, bool]:
-    """Meshes that state an up axis: path -> was it turned accordingly?"""
-    return {path: record.turned for path, record in _said(shapes, records)}
-
-
-def _said(
+def _doubted(
     shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
-) -> Iterator[tuple[str, ConvertedMesh]]:
-    for shape in shapes.shapes:
-        if _says(shape, records):
-            yield _path(shape), records[shape.name]
+) -> dict[str, ConvertedMesh]:
+    """Meshes that state an up axis, by path."""
+    return {_path(s): records[s.name] for s in shapes.shapes if _says(s, records)}
 
 
 def _path(shape: SourceShape) -> str:

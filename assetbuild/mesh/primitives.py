@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
 from assetbuild.robot.pose import Array, Pose, vec3
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere, sizes_of
 
 BY_NAME: dict[str, type[Primitive]] = {
     kind.__name__: kind for kind in (Box, Sphere, Cylinder, Capsule)
@@ -22,11 +21,6 @@ Fitted = tuple[Primitive, Pose]
 """A primitive, and X_frame_primitive."""
 SEGMENTS = 64
 """Corners of a tessellated circle: the polygon misses 0.12 % of the radius."""
-
-
-def sizes_of(primitive: Primitive) -> tuple[float, ...]:
-    """Edges of a box, else radius and length, m."""
-    return primitive.size if isinstance(primitive, Box) else astuple(primitive)
 
 
 def resized(kind: type[Primitive], sizes: Sequence[float] | Array) -> Primitive:
