@@ -133,7 +133,7 @@ class ConvertMesh(Step):
         kept = drop_collapsed(welded)
         mesh = kept if kept is welded else weld(kept)
         if mesh.normals is not None:
-            mesh = replace(mesh, normals=_tidy_normals(mesh))
+            mesh = replace(mesh, normals=_tidy_normals(mesh, mesh.normals))
         return mesh
 
 
@@ -290,11 +290,9 @@ def _described(file: str, part: MaterialPart) -> MeshPart:
     )
 
 
-def _tidy_normals(mesh: TriangleMesh) -> Array:
+def _tidy_normals(mesh: TriangleMesh, stated: Array) -> Array:
     """Unit normals per corner, rounded; where the file gives none, that of the face."""
-    if mesh.normals is None:
-        raise ValueError("the mesh has no normals")
-    normals = unit_vectors(np.nan_to_num(mesh.normals))
+    normals = unit_vectors(np.nan_to_num(stated))
     missing = ~normals.any(axis=2)
     if missing.any():
         normals[missing] = corner_normals(mesh)[missing]

@@ -24,7 +24,7 @@ from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import CollisionRule, Recipe, ShapedRule
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, vec3
 from assetbuild.robot.ranges import first_match
 from assetbuild.robot.sections import Region, ToleranceRegion
 from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
@@ -119,7 +119,8 @@ def _jobs_of(
         return []
     fields = _fields(rule, recipe, method)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
-        fields["bones"] = _bones(links, link)
+        ends = {joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link}
+        fields["bones"] = tuple(sorted(end for end in ends if math.hypot(*end) > BONE_M))
     places = (*rule.keep_open, *rule.regions)
     if method.scope != "shape":
         files = _own_meshes(rule, fields, folder)
@@ -154,12 +155,6 @@ def _own_meshes(
 def file_of(name: str, folder: Path) -> Path:
     """The absolute path of a file that a recipe in `folder` names."""
     return Path(os.path.normpath(folder / name))
-
-
-def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
-    """From the link's frame to the joints that it carries, m."""
-    ends = [joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link]
-    return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
 
 
 def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:

@@ -58,7 +58,8 @@ def read_gltf(
         order = list(scene.geometry)
         nodes = sorted(scene.graph.nodes_geometry)
         nodes.sort(key=lambda node: order.index(scene.graph.get(node)[1]))
-        header = _header(data, format)
+        length = int.from_bytes(data[12:16], "little")
+        header = json.loads(data if format == "gltf" else data[20 : 20 + length])
         _refuse_unread(header, subject)
         materials = _Materials(header)
         placed = [_part(scene, node, materials) for node in nodes]
@@ -73,11 +74,6 @@ def read_gltf(
     colours = bool(kinds & {"vertex", "face"})
     findings = (*stray, *colours_finding(colours, subject))
     return SourceMesh(parts, findings, materials.pictures, up_axis="Y_UP")  # by definition
-
-
-def _header(data: bytes, format: Literal["glb", "gltf"]) -> Any:
-    length = int.from_bytes(data[12:16], "little")
-    return json.loads(data if format == "gltf" else data[20 : 20 + length])
 
 
 def _refuse_unread(header: Any, subject: str) -> None:
