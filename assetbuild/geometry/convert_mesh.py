@@ -118,8 +118,8 @@ class ConvertMesh(Step):
             raise StepError("mesh: no triangle has an area")
         turned = source.up_axis is not None and self.up_axis == "honour"
         write_converted(files.outputs, parts, source.up_axis, turned=turned)
-        yield from _lost(painted.lost)
-        yield from _opaque(painted.holes)
+        yield from painted.lost.values()
+        yield from painted.holes
         yield from _inside_out(parts)
 
     def _prepared(self, part: MaterialPart) -> TriangleMesh:
@@ -176,26 +176,6 @@ def _without_coordinates(
         )
 
 
-def _lost(lost: Mapping[str, str]) -> Iterator[Finding]:
-    for texture, why in lost.items():
-        yield TEXTURE(
-            "mesh",
-            f"the texture `{texture}` {why}: its part is drawn in one colour",
-            hint="paths start at the folder of the file that names the texture",
-            data={"texture": texture},
-        )
-
-
-def _opaque(textures: Sequence[str]) -> Iterator[Finding]:
-    for texture in textures:
-        yield TEXTURE_ALPHA(
-            "mesh",
-            f"the texture `{texture}` has transparent parts: MJCF and USD show them opaque",
-            hint="cut the holes into the mesh if they matter",
-            data={"texture": texture},
-        )
-
-
 def _inside_out(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
     for number, part in enumerate(parts):
         mesh = part.mesh
@@ -211,15 +191,15 @@ def _inside_out(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
 class _Painted:
     """Materials whose textures are PNG files in `folder`, named by their content.
 
-    lost: texture -> why it is not there. holes: textures with transparent parts.
+    lost: what is said of each texture that is not there. holes: of those with transparent parts.
     """
 
     def __init__(self, pictures: Mapping[str, bytes], folder: Path) -> None:
         folder.mkdir()
         self._pictures, self._folder = pictures, folder
         self._files: dict[str, str | None] = {}
-        self.lost: dict[str, str] = {}
-        self.holes: list[str] = []
+        self.lost: dict[str, Finding] = {}
+        self.holes: list[Finding] = []
 
     def part(self, part: MaterialPart) -> MaterialPart:
         """The part with its texture by file name, or without one."""
@@ -227,23 +207,32 @@ class _Painted:
         if texture is None:
             return part
         if part.mesh.uv is None:
-            self.lost[texture] = "has no texture coordinates to lie on"
+            self._lose(texture, "has no texture coordinates to lie on")
             return replace(part, material=replace(part.material, texture=None))
         if texture not in self._files:
             self._files[texture] = self._written(texture)
         return replace(part, material=replace(part.material, texture=self._files[texture]))
 
+    def _lose(self, texture: str, why: str) -> None:
+        message = f"the texture `{texture}` {why}: its part is drawn in one colour"
+        hint = "paths start at the folder of the file that names the texture"
+        self.lost[texture] = TEXTURE("mesh", message, hint, data={"texture": texture})
+
     def _written(self, texture: str) -> str | None:
         if texture not in self._pictures:
-            self.lost[texture] = "is not in the source"
+            self._lose(texture, "is not in the source")
             return None
         try:
             png = png_of(self._pictures[texture], texture)
         except ValueError as error:
-            self.lost[texture] = f"is not readable as a picture ({error})"
+            self._lose(texture, f"is not readable as a picture ({error})")
             return None
         if has_holes(png):
-            self.holes.append(texture)
+            message = (
+                f"the texture `{texture}` has transparent parts: MJCF and USD show them opaque"
+            )
+            hint = "cut the holes into the mesh if they matter"
+            self.holes.append(TEXTURE_ALPHA("mesh", message, hint, data={"texture": texture}))
         name = picture_name(texture, png)
         (self._folder / name).write_bytes(png)
         return name
