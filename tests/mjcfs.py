@@ -14,7 +14,7 @@ from robot_files import run_step
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.control.plan import control_step
 from assetbuild.findings import Finding
-from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.geometry.assemble import Assemble, Use
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode
@@ -155,7 +155,7 @@ def _said(reading: Reading) -> Path:
 
 def _assemble(reading: Reading, folder: Path, ports: Path) -> None:
     inputs = {"shapes.json": reading.read / "shapes.json"}
-    visuals, collisions = [], []
+    uses = []
     for number, shape in enumerate(reading.shapes.shapes):
         mesh = None
         if isinstance(shape.geometry, MeshFile):
@@ -164,14 +164,10 @@ def _assemble(reading: Reading, folder: Path, ports: Path) -> None:
             made = _run(step, folder / f"mesh{number}", source)
             mesh = f"mesh/{number}"
             inputs |= {f"{mesh}/{name}": made / name for name in ("parts", "mesh.json")}
-        if shape.role == "visual":
-            visuals.append(VisualUse(shape=shape.name, folder=mesh, stem="mesh", named=True))
-        else:
-            use = CollisionUse(
-                link=shape.link, shape=shape.name, mesh=mesh, stem="mesh", named=True
-            )
-            collisions.append(use)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions))
+        use = Use(shape.link, shape.role, shape.name, mesh=mesh, stem="mesh", named=True)
+        uses.append(use)
+    uses.sort(key=lambda use: use.role, reverse=True)  # what is seen comes first
+    step = Assemble(uses=tuple(uses))
     done = _run(step, folder / "assemble", inputs)
     shutil.copyfile(done / "shapes.json", ports / "shapes.json")
     shutil.copytree(done / "meshes", ports / "meshes")

@@ -24,15 +24,16 @@ from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import capped, convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
-from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
+from assetbuild.mesh.primitives import BY_NAME, resized, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.plugin_types import ConvertedMesh, Piece, Pieces
 from assetbuild.recipe_types import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere, sizes_of
 
 AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""
@@ -67,10 +68,6 @@ class PlacedSource:
     kind: str | None = None
     sizes: tuple[float, ...] = ()
     pose: Pose = IDENTITY
-
-    def __post_init__(self) -> None:
-        if (self.folder is None) == (self.kind is None):
-            raise ValueError("a source is either a mesh folder or a primitive")
 
     @classmethod
     def of_primitive(cls, geometry: Primitive, pose: Pose = IDENTITY) -> PlacedSource:
@@ -182,16 +179,18 @@ class CollisionMethod(Step):
     ) -> Iterator[Finding]:
         """Write the pieces, and say how they fit. how: the method in words."""
         write_pieces(files.outputs, pieces, quality)
+        tolerances = self.excesses(quality)
+        presets = [self.preset(name) for name in ("locomotion", "manipulation")]
         yield from verdict(
             self.subject,
             reference,
             pieces,
             quality,
             how=how,
-            tolerances=self.excesses(quality),
+            tolerances=tolerances,
             places=self.probes,
             max_hulls=getattr(self, "max_hulls", None),
-            usual=self._usual(quality),
+            usual={k for k, (_, most) in tolerances.items() for p in presets if p.get(k) == most},
         )
 
     def mesh_of(self, files: Files) -> TriangleMesh:
@@ -267,16 +266,6 @@ class CollisionMethod(Step):
         }
         return {key: (value, most) for key, (value, most) in stated.items() if most is not None}
 
-    def _usual(self, quality: Quality) -> dict[str, tuple[float, float]]:
-        """Those of `excesses` whose limit is a preset's."""
-        presets = [self.preset(name) for name in ("locomotion", "manipulation")]
-        limits = self.excesses(quality)
-        return {
-            key: pair
-            for key, pair in limits.items()
-            if any(preset.get(key) == pair[1] for preset in presets)
-        }
-
     @property
     def closed_places(self) -> tuple[Probe, ...]:
         """Where no piece may be."""
@@ -298,11 +287,32 @@ class LibraryMethod(CollisionMethod):
         """Limits of one run."""
         return NativeLimits(self.cpu_limit, self.memory_limit_mb)
 
-    def hull_after(self, reference: Reference, library: str, failure: NativeError) -> Fitted:
-        """The last rung: one hull, and a finding with the cause."""
-        return Fitted(
-            (ConvexPiece(reference.hull),), (self.fell(library, failure, "hull"),), "hull"
-        )
+    def by_vhacd(
+        self,
+        mesh: TriangleMesh,
+        options: VHacdOptions,
+        max_hulls: int,
+        max_vertices: int,
+        instead: str,
+    ) -> tuple[list[TriangleMesh], tuple[Finding, ...]]:
+        """V-HACD's parts; where it fails none, and a finding with what is used `instead`."""
+        limits = self.native_limits
+        try:
+            parts = vhacd_parts(
+                mesh, options, max_hulls=max_hulls, max_vertices=max_vertices, limits=limits
+            )
+        except NativeError as failure:
+            return [], (self.fell("V-HACD", failure, instead),)
+        return parts, ()
+
+    def vhacd_or_hull(
+        self, reference: Reference, options: VHacdOptions, max_hulls: int, max_vertices: int
+    ) -> Fitted:
+        """V-HACD's parts; the last rung is one hull."""
+        made, failed = self.by_vhacd(reference.mesh, options, max_hulls, max_vertices, "hull")
+        if failed:
+            return Fitted((ConvexPiece(reference.hull),), failed, "hull")
+        return Fitted(tuple(map(ConvexPiece, made)), (), "V-HACD")
 
     def fell(self, library: str, failure: NativeError, instead: str) -> Finding:
         """What is said when a library gave no result."""

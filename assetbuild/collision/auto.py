@@ -33,11 +33,11 @@ from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.rays import holes
+from assetbuild.mesh.rays import widest_hole
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.mesh.verdict import blocked_by
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.robot.pose import Array
 
 CONVEX = 0.98
@@ -165,8 +165,7 @@ class Auto(LibraryMethod):
         clean mesh of few faces costs it seconds."""
         if reference.exact is not None and len(reference.mesh.faces) <= CLEAN_FACES:
             return True
-        widest = max((hole.area_m2 for hole in holes(reference.mesh, reference.hull)), default=0.0)
-        return widest > np.pi * (self.max_outside or 0.0) ** 2
+        return widest_hole(reference.mesh) > np.pi * (self.max_outside or 0.0) ** 2
 
     def _one_hull(self, reference: Reference) -> _Candidate:
         """Capped, with its volume given back or not: a hull that covers too much needs it not."""
@@ -199,11 +198,11 @@ class Auto(LibraryMethod):
 
     def _by_coacd(
         self, reference: Reference, view: _View
-    ) -> tuple[_Candidate | None, list[Finding]]:
+    ) -> tuple[_Candidate | None, tuple[Finding, ...]]:
         """Only for meshes that CoACD need not remesh, which inflates them and takes minutes."""
         too_large = len(reference.mesh.faces) > COACD_FACES
         if reference.exact is None or too_large or reference.convexity < THIN:
-            return None, []
+            return None, ()
         wanted = min(self.max_outside or np.inf, TIGHT * reference.diagonal)
         # Neither joined nor thinned out by CoACD: that takes as long again, and is done below.
         options = self.coacd or CoAcdOptions.model_validate(
@@ -220,30 +219,25 @@ class Auto(LibraryMethod):
             )
         except NativeError as failure:
             if failure.cause == "stopped":
-                return None, []
-            return None, [self.fell("CoACD", failure, "vhacd")]
+                return None, ()
+            return None, (self.fell("CoACD", failure, "vhacd"),)
         return self._smallest(
             reference, hulls_of([p.vertices for p in view.back(parts)]), "CoACD"
-        ), []
+        ), ()
 
     def _by_vhacd(
         self, reference: Reference, view: _View
-    ) -> tuple[_Candidate | None, list[Finding]]:
-        try:
-            parts = vhacd_parts(
-                view.reference.mesh,
-                self.vhacd,
-                max_hulls=max(FINE, min(2 * self.max_hulls, 1024)),
-                max_vertices=self.max_vertices,
-                limits=self.native_limits,
-            )
-        except NativeError as failure:
-            return None, [self.fell("V-HACD", failure, "hull")]
-        lower, upper = view.reference.mesh.bounds
+    ) -> tuple[_Candidate | None, tuple[Finding, ...]]:
+        most = max(FINE, min(2 * self.max_hulls, 1024))
+        mesh = view.reference.mesh
+        parts, failed = self.by_vhacd(mesh, self.vhacd, most, self.max_vertices, "hull")
+        if failed:
+            return None, failed
+        lower, upper = mesh.bounds
         voxel = float(np.prod(upper - lower) / self.vhacd.resolution) ** (1.0 / 3.0)
         some = reference.mesh.vertices[:: len(reference.mesh.vertices) // CORNERS + 1]
         surface = np.concatenate([some, reference.samples])
-        return self._smallest(reference, grown_to(view.back(parts), surface, voxel), "V-HACD"), []
+        return self._smallest(reference, grown_to(view.back(parts), surface, voxel), "V-HACD"), ()
 
     def _smallest(
         self, reference: Reference, parts: Sequence[TriangleMesh], how: str

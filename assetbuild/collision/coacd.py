@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pydantic import Field
 
 from assetbuild.collision import (
@@ -15,7 +17,7 @@ from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.recipe_types import Positive
 
 MORE_HULLS = Rule(
@@ -55,25 +57,11 @@ class CoAcd(LibraryMethod):
                 limits=self.native_limits,
             )
         except NativeError as failure:
-            return self._by_vhacd(reference, failure)
+            most = self.max_hulls or 32
+            next_best = self.vhacd_or_hull(reference, VHacdOptions(), most, self.max_vertices)
+            failed = self.fell("CoACD", failure, "vhacd")
+            return replace(next_best, findings=(failed, *next_best.findings))
         return Fitted(tuple(map(ConvexPiece, parts)), self._too_many(len(parts)), "CoACD")
-
-    def _by_vhacd(self, reference: Reference, failure: NativeError) -> Fitted:
-        try:
-            parts = vhacd_parts(
-                reference.mesh,
-                VHacdOptions(),
-                max_hulls=self.max_hulls or 32,
-                max_vertices=self.max_vertices,
-                limits=self.native_limits,
-            )
-        except NativeError as second:
-            last = self.hull_after(reference, "V-HACD", second)
-            first = self.fell("CoACD", failure, "vhacd")
-            return Fitted(last.pieces, (first, *last.findings), last.how)
-        return Fitted(
-            tuple(map(ConvexPiece, parts)), (self.fell("CoACD", failure, "vhacd"),), "V-HACD"
-        )
 
     def _too_many(self, made: int) -> tuple[Finding, ...]:
         if self.max_hulls is None or made <= self.max_hulls:

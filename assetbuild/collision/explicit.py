@@ -12,11 +12,11 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
+from assetbuild.mesh.primitives import BY_NAME, resized
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
 from assetbuild.recipe_types import Model, NonNegative, Positive, Real, Turns
 from assetbuild.robot.pose import Pose, quat_of_rpy
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 CONVEX = 0.99
 """Volume / volume of the hull: below it a mesh is reported as not convex."""
@@ -88,10 +88,13 @@ class Explicit(CollisionMethod):
         """
         made = []
         for number, piece in enumerate(self.pieces, start=1):
+            pose = Pose(piece.xyz, quat_of_rpy(*piece.rpy))
             if piece.file is None:
-                made.append(ConvexPiece(_geometry(piece), _pose(piece)))
+                round_ = [size for size in (piece.radius, piece.length) if size is not None]
+                kind = BY_NAME[piece.type.capitalize()]
+                made.append(ConvexPiece(resized(kind, piece.size or round_), pose))
                 continue
-            source = PlacedSource(piece.file, pose=_pose(piece))
+            source = PlacedSource(piece.file, pose=pose)
             mesh = cleaned(self.source_mesh(source, files.inputs))
             refuse_flat(mesh.vertices, f"{self.subject}: piece {number}")
             hull = convex_hull(mesh.vertices)
@@ -114,16 +117,3 @@ class Explicit(CollisionMethod):
                 hint="cut it into convex pieces, one file each, or give the link `method: auto`",
                 data={"piece": number, "share_of_hull": round(share, 4)},
             )
-
-
-def _pose(piece: ExplicitPiece) -> Pose:
-    return Pose(piece.xyz, quat_of_rpy(*piece.rpy))
-
-
-def _geometry(piece: ExplicitPiece) -> Box | Sphere | Capsule | Cylinder:
-    if piece.size is not None:
-        return Box(piece.size)
-    radius, length = piece.radius or 0.0, piece.length or 0.0
-    if piece.type == "sphere":
-        return Sphere(radius)
-    return Capsule(radius, length) if piece.type == "capsule" else Cylinder(radius, length)

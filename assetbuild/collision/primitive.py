@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import Field
 
@@ -16,20 +16,12 @@ from assetbuild.mesh.fit import KINDS, best_primitive
 from assetbuild.mesh.fit_many import fit_parts
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
-from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
+from assetbuild.robot.shapes import Primitive
 
 PrimitiveName = Literal["box", "sphere", "capsule", "cylinder"]
-SHAPES: dict[PrimitiveName, type[Primitive]] = {
-    "box": Box,
-    "sphere": Sphere,
-    "capsule": Capsule,
-    "cylinder": Cylinder,
-}
 WORTH = 0.01
 """A further primitive must better the score, about 1 - IoU, by this."""
 PARTS = 32
@@ -73,13 +65,16 @@ class FitPrimitive(LibraryMethod):
     @property
     def _kinds(self) -> tuple[type[Primitive], ...]:
         """The asked ones, from simple to costly."""
-        asked = (self.shape,) if isinstance(self.shape, str) else self.shape or tuple(SHAPES)
-        return tuple(kind for kind in KINDS if kind in {SHAPES[name] for name in asked})
+        shape = self.shape or get_args(PrimitiveName)
+        asked = (shape,) if isinstance(shape, str) else shape
+        return tuple(kind for kind in KINDS if kind.__name__.lower() in asked)
 
     def _several(
         self, reference: Reference
     ) -> tuple[list[tuple[Primitive, Pose]], tuple[Finding, ...]]:
-        parts, findings = self._parts(reference)
+        most = max(PARTS, self.max_hulls)
+        parts, failed = self.by_vhacd(reference.mesh, self.vhacd, most, 64, "one primitive")
+        parts = [reference.hull] if failed else grown_to(parts, reference.samples, 0.0)
         family = {len(points): points for points in merge_steps(parts)}
         best, best_score = fit_parts(reference, [reference.hull], self._kinds, self.bones)
         for count in range(2, min(self.max_hulls, max(family)) + 1):
@@ -87,17 +82,4 @@ class FitPrimitive(LibraryMethod):
             fits, score = fit_parts(reference, hulls, self._kinds, self.bones)
             if score < best_score - WORTH * (count - len(best)):
                 best, best_score = fits, score
-        return best, findings
-
-    def _parts(self, reference: Reference) -> tuple[list[TriangleMesh], tuple[Finding, ...]]:
-        try:
-            parts = vhacd_parts(
-                reference.mesh,
-                self.vhacd,
-                max_hulls=max(PARTS, self.max_hulls),
-                max_vertices=64,
-                limits=self.native_limits,
-            )
-        except NativeError as failure:
-            return [reference.hull], (self.fell("V-HACD", failure, "one primitive"),)
-        return grown_to(parts, reference.samples, 0.0), ()
+        return best, failed

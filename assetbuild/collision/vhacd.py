@@ -12,9 +12,7 @@ from assetbuild.collision import (
     MaxVertices,
 )
 from assetbuild.mesh.cover import Reference
-from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.mesh.vhacd import VHacdOptions
 
 
 class VHacd(LibraryMethod):
@@ -29,14 +27,4 @@ class VHacd(LibraryMethod):
 
     def fit(self, reference: Reference) -> Fitted:
         """V-HACD's parts; one hull when it fails."""
-        try:
-            parts = vhacd_parts(
-                reference.mesh,
-                self.vhacd,
-                max_hulls=self.max_hulls,
-                max_vertices=self.max_vertices,
-                limits=self.native_limits,
-            )
-        except NativeError as failure:
-            return self.hull_after(reference, "V-HACD", failure)
-        return Fitted(tuple(map(ConvexPiece, parts)), how="V-HACD")
+        return self.vhacd_or_hull(reference, self.vhacd, self.max_hulls, self.max_vertices)

@@ -15,12 +15,13 @@ import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import half_height
 from assetbuild.robot import model
 from assetbuild.robot.floor import BELOW_M, brings_floor, floor_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import Array, Pose, Quat
 from assetbuild.robot.sections import Keyframe
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
+from assetbuild.robot.shapes import Geometry, Mesh, Shapes
 from assetbuild.robot.tree import forward_kinematics
 
 STANDS_M = 0.01
@@ -91,21 +92,6 @@ class Ground:
             mesh = read_triangles(path.read_bytes(), f"mesh {name}")
             self._vertices[name] = mesh.vertices[np.unique(mesh.faces)]
         return self._vertices[name]
-
-
-def half_height(geometry: Box | Sphere | Cylinder | Capsule, up: Array) -> float:
-    """How far a primitive reaches from its centre towards `up`, m: its support function.
-
-    up: (3,) unit vector in the frame of the primitive.
-    """
-    if isinstance(geometry, Sphere):
-        return geometry.radius
-    if isinstance(geometry, Box):
-        return float(np.abs(up) @ np.asarray(geometry.size)) / 2
-    along = abs(float(up[2])) * geometry.length / 2
-    if isinstance(geometry, Capsule):
-        return along + geometry.radius
-    return along + geometry.radius * float(np.hypot(up[0], up[1]))
 
 
 def moved_bodies(tree: model.Tree) -> set[str]:

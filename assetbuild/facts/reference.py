@@ -30,7 +30,7 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import IDENTITY, Pose
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere
+from assetbuild.robot.shapes import Mesh, Shape, Shapes, sizes_of
 
 TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
 
@@ -283,18 +283,7 @@ def geometry_facts(shape: Shape, pose: Pose, surfaces: Mapping[str, Surface]) ->
         surface = surfaces[geometry.mesh].moved(pose)
         return {"geometry": "mesh"} | surface.facts()
     kind = type(geometry).__name__.lower()
-    return {"geometry": kind, "size": size_of(geometry), "pose": pose_value(pose)}
-
-
-def size_of(geometry: Box | Sphere | Cylinder | Capsule) -> tuple[float, ...]:
-    """Edges of a box; radius; radius and length; m."""
-    match geometry:
-        case Box(size):
-            return tuple(size)
-        case Sphere(radius):
-            return (radius,)
-        case Cylinder(radius, length) | Capsule(radius, length):
-            return (radius, length)
+    return {"geometry": kind, "size": sizes_of(geometry), "pose": pose_value(pose)}
 
 
 def surface_facts(contact: Contact) -> dict[str, Value]:

@@ -8,12 +8,12 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import obj_of
-from assetbuild.mesh.picture import mean_colour
+from assetbuild.mesh.picture import mean_colour, picture_name
 from assetbuild.plugin_types import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
@@ -24,7 +24,7 @@ from assetbuild.robot.shapes import (
     Mesh,
     MeshAsset,
     MeshFile,
-    Primitive,
+    Role,
     Shape,
     Shapes,
     SourceShape,
@@ -64,29 +64,17 @@ NO_COLLISION = Rule(
 
 
 @dataclass(frozen=True)
-class VisualUse:
-    """The source shape `shape` is shown by the converted mesh in `folder` (None: a primitive).
-
-    named: it keeps its name, as the shapes of an MJCF do; else it is called after link and role.
-    """
-
-    shape: str
-    folder: str | None = None
-    stem: str = ""
-    named: bool = False
-
-
-@dataclass(frozen=True)
-class CollisionUse:
-    """Collision geometry of `link`, in order of preference of what is set.
+class Use:
+    """What `link` is seen by or hits with, in order of preference of what is set.
 
     pieces: folder with the result of a collision method, in the frame of `shape` when that is
     set, else in the link's. mesh: folder of a converted mesh, taken as it is. Neither: the
-    primitive `shape` of the source, as it is. named: as in `VisualUse`, where it is made of one
-    collision shape of the source.
+    primitive `shape` of the source, as it is. named: what is made of one shape of the source of
+    that role keeps its name, as the shapes of an MJCF do; else it is called after link and role.
     """
 
     link: str
+    role: Role
     shape: str | None = None
     pieces: str | None = None
     mesh: str | None = None
@@ -99,8 +87,7 @@ class Assemble(Step):
 
     outputs = ("shapes.json", "meshes/")
 
-    visuals: tuple[VisualUse, ...]
-    collisions: tuple[CollisionUse, ...]
+    uses: tuple[Use, ...]
     textures: tuple[str, ...] = ()
     """Pictures that the source's materials name; `textures/<n>/` holds one if it can be read."""
 
@@ -113,19 +100,16 @@ class Assemble(Step):
         pictures = {name: folder / str(n) / PNG for n, name in enumerate(self.textures)}
         palette = _Palette(source.materials, pictures, library)
         shapes: list[Shape] = []
-        for visual in self.visuals:
-            made = _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
-            shapes += called(made, visual.shape if visual.named else None)
-        for collision in self.collisions:
-            origin = by_name[collision.shape] if collision.shape else None
-            made = _collision_shapes(collision, origin, files.inputs, library)
-            # What is made of a visual shape does not take its name, which that one has already.
-            hit = origin is not None and origin.role == "collision"
-            shapes += called(made, collision.shape if hit and collision.named else None)
+        for use in self.uses:
+            origin = by_name[use.shape] if use.shape else None
+            made = _built(use, origin, files.inputs, library, palette)
+            # Collision made of a visual shape does not take its name, which that one has already.
+            is_own = origin is not None and origin.role == use.role
+            shapes += called(made, use.shape if is_own and use.named else None)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
         yield from palette.findings
-        yield from _without_collision(source, self.collisions)
+        yield from _without_collision(source, self.uses)
 
 
 def called(made: list[Shape], source: str | None) -> list[Shape]:
@@ -144,9 +128,9 @@ def called(made: list[Shape], source: str | None) -> list[Shape]:
     return [replace(s, name=name) for s, name in zip(made, [source, *names], strict=True)]
 
 
-def _without_collision(source: SourceShapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
+def _without_collision(source: SourceShapes, uses: tuple[Use, ...]) -> Iterator[Finding]:
     """One finding for all links that have geometry in the source and hit nothing here."""
-    covered = {use.link for use in uses}
+    covered = {use.link for use in uses if use.role == "collision"}
     bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
     if bare:
         shown = ", ".join(f"`{link}`" for link in bare[:6]) + (", ..." if len(bare) > 6 else "")
@@ -158,32 +142,11 @@ def _without_collision(source: SourceShapes, uses: tuple[CollisionUse, ...]) -> 
         )
 
 
-def _visual_shapes(
-    use: VisualUse, shape: SourceShape, inputs: Path, library: _Library, palette: _Palette
-) -> list[Shape]:
-    if use.folder is None:
-        material = palette.of_source(shape.material, uv=False, mean=not use.named)
-        return [Shape("", shape.link, "visual", _primitive(shape), shape.X_link_shape, material)]
-    folder = inputs / use.folder
-    mesh = decode_file(ConvertedMesh, folder / "mesh.json")
-    made = []
-    for part in mesh.parts:
-        asset = library.add(folder / "parts" / part.file, use.stem, part)
-        part_material = palette.of_part(part, folder / "parts")
-        if part_material and not use.named:
-            palette.passed_over(shape)
-        material = part_material or palette.of_source(
-            shape.material, uv=part.uv, mean=not use.named
-        )
-        made.append(Shape("", shape.link, "visual", Mesh(asset), shape.X_link_shape, material))
-    return made
-
-
-def _collision_shapes(
-    use: CollisionUse, shape: SourceShape | None, inputs: Path, library: _Library
+def _built(
+    use: Use, shape: SourceShape | None, inputs: Path, library: _Library, palette: _Palette
 ) -> list[Shape]:
     X_link_source = shape.X_link_shape if shape else IDENTITY
-    made: list[tuple[Geometry, Pose]] = []
+    made: list[tuple[Geometry, Pose, str | None]] = []
     if use.pieces is not None:
         folder = inputs / use.pieces
         for piece in decode_file(Pieces, folder / "pieces.json").pieces:
@@ -192,21 +155,17 @@ def _collision_shapes(
                 part = MeshPart(geometry.mesh, piece.vertices, piece.faces)
                 path = folder / "pieces" / geometry.mesh
                 geometry = Mesh(library.add(path, use.stem, part, convex=True))
-            made.append((geometry, X_link_source @ piece.X_frame_piece))
-    elif use.mesh is not None:
+            made.append((geometry, X_link_source @ piece.X_frame_piece, None))
+    elif shape is not None and use.mesh is not None:
         folder = inputs / use.mesh
-        parts = decode_file(ConvertedMesh, folder / "mesh.json").parts
-        names = [library.add(folder / "parts" / part.file, use.stem, part) for part in parts]
-        made += [(Mesh(name), X_link_source) for name in names]
-    elif shape is not None:
-        made.append((_primitive(shape), X_link_source))
-    return [Shape("", use.link, "collision", geometry, pose) for geometry, pose in made]
-
-
-def _primitive(shape: SourceShape) -> Primitive:
-    if isinstance(shape.geometry, MeshFile):
-        raise TypeError(f"shape {shape.name}: its mesh was not converted")
-    return shape.geometry
+        for part in decode_file(ConvertedMesh, folder / "mesh.json").parts:
+            name = library.add(folder / "parts" / part.file, use.stem, part)
+            material = palette.of_mesh(use, shape, part, folder / "parts")
+            made.append((Mesh(name), X_link_source, material))
+    elif shape is not None and not isinstance(shape.geometry, MeshFile):
+        material = palette.of_source(use, shape, uv=False)
+        made.append((shape.geometry, X_link_source, material))
+    return [Shape("", use.link, use.role, *one) for one in made]
 
 
 def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
@@ -248,9 +207,8 @@ class _Library:
             self._by_digest[digest] = asset
         return self._by_digest[digest].name
 
-    def add_picture(self, path: Path, stem: str) -> str:
-        """File name of the picture with this content."""
-        name = f"{stem}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}.png"
+    def add_picture(self, path: Path, name: str) -> str:
+        """The name of the picture, which tells its content."""
         if not (self._folder / name).exists():
             shutil.copyfile(path, self._folder / name)
         return name
@@ -275,36 +233,37 @@ class _Palette:
         self._told: dict[tuple[str, str], Finding] = {}
         self._own: list[str] = []
 
-    def of_source(self, name: str | None, *, uv: bool, mean: bool) -> str | None:
-        """The material that the description gives; None stays None.
+    def of_source(self, use: Use, shape: SourceShape, *, uv: bool) -> str | None:
+        """The material that the description gives; None stays None, as for what is not seen.
 
-        uv: does the shape have texture coordinates? Without them no texture can lie on it.
-        mean: then it has the mean colour of the picture; the colour of an MJCF stays as it is.
+        uv: does the shape have texture coordinates? Without them no texture can lie on it, and it
+        has the mean colour of the picture; the colour of an MJCF stays as it is.
         """
-        material = self._source.get(name) if name is not None else None
-        if material is None:
+        material = self._source.get(shape.material) if shape.material is not None else None
+        if material is None or use.role != "visual":
             return None
         shown = replace(material, texture=self._texture(material, uv))
         png = self._pictures.get(material.texture or "")
-        if mean and not uv and png is not None and png.is_file():
+        if not use.named and not uv and png is not None and png.is_file():
             pairs = zip(material.rgba, mean_colour(png.read_bytes()), strict=False)
             r, g, b = (stated * average for stated, average in pairs)
             shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
         return self._take(shown)
 
-    def passed_over(self, shape: SourceShape) -> None:
-        """Note that a mesh's own material counts instead of the description's."""
-        if shape.material in self._source:
+    def of_mesh(self, use: Use, shape: SourceShape, part: MeshPart, folder: Path) -> str | None:
+        """The material inside the mesh file, else the description's."""
+        own = self._of_part(part, folder) if use.role == "visual" else None
+        if own and not use.named and shape.material in self._source:
             self._own.append(shape.name)
+        return own or self.of_source(use, shape, uv=part.uv)
 
-    def of_part(self, part: MeshPart, folder: Path) -> str | None:
+    def _of_part(self, part: MeshPart, folder: Path) -> str | None:
         """The material inside the mesh file, when it has a colour or a texture in `folder`."""
         if part.texture is None:
             if part.rgba is None:
                 return None
             return self._take(Material(part.material or "material", part.rgba))
-        stem = part.texture.rpartition("-")[0]
-        texture = self._library.add_picture(folder / part.texture, stem)
+        texture = self._library.add_picture(folder / part.texture, part.texture)
         return self._take(Material(part.material or "material", part.rgba or WHITE, texture))
 
     @property
@@ -331,8 +290,7 @@ class _Palette:
             what = "lies on shapes without texture coordinates: they get one colour"
             self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
             return None
-        stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(material.texture).stem)
-        return self._library.add_picture(png, stem)
+        return self._library.add_picture(png, picture_name(material.texture, png.read_bytes()))
 
     def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:
         key = (rule.id, material.name)

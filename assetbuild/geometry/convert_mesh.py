@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +14,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
 from assetbuild.mesh.obj import SUFFIX, array_bytes
-from assetbuild.mesh.picture import has_holes, png_of
+from assetbuild.mesh.picture import has_holes, picture_name, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
     TriangleMesh,
@@ -89,8 +87,6 @@ class ConvertMesh(Step):
     """Names, as `mesh/companions.py` spells them, of the inputs `companions/0`, `.../1`, ..."""
     keep_uv: bool = False
     """Keep texture coordinates without a texture: the description brings one."""
-    subject: str = "mesh"
-    """What findings and errors call it. Part of the key: name no path to share the result."""
 
     def modules(self) -> tuple[str, ...]:
         """Few robots have meshes that trimesh reads, which takes half a second to import."""
@@ -107,25 +103,24 @@ class ConvertMesh(Step):
             self.format,
             up_axis=self.up_axis,
             companions=companions,
-            subject=self.subject,
         )
         yield from source.findings
         painted = _Painted({**companions, **source.pictures}, files.outputs / "parts")
         textured = [painted.part(part) for part in source.parts]
         parts = [MaterialPart(p.material, self._prepared(p)) for p in textured]
-        yield from self._collapsed(source.parts, parts)
-        yield from self._without_coordinates(source.parts, parts)
-        yield from self._invisible(parts)
+        yield from _collapsed(source.parts, parts)
+        yield from _without_coordinates(source.parts, parts)
+        yield from _invisible(parts)
         parts = [
             replace(p, mesh=with_four_corners(p.mesh)) for p in parts if area(p.mesh) > NO_AREA
         ]
         if not parts:
-            raise StepError(f"{self.subject}: no triangle has an area")
+            raise StepError("mesh: no triangle has an area")
         turned = source.up_axis is not None and self.up_axis == "honour"
         write_converted(files.outputs, parts, source.up_axis, turned=turned)
-        yield from self._lost(painted.lost)
-        yield from self._opaque(painted.holes)
-        yield from self._inside_out(parts)
+        yield from painted.lost.values()
+        yield from painted.holes
+        yield from _inside_out(parts)
 
     def _prepared(self, part: MaterialPart) -> TriangleMesh:
         """Scaled and welded; texture coordinates only where a texture uses them."""
@@ -134,93 +129,77 @@ class ConvertMesh(Step):
         try:
             welded = weld(mesh.scaled(self.scale))
         except ValueError as error:
-            raise StepError(f"{self.subject}: {error} (scale {self.scale})") from error
+            raise StepError(f"mesh: {error} (scale {self.scale})") from error
         kept = drop_collapsed(welded)
         mesh = kept if kept is welded else weld(kept)
         if mesh.normals is not None:
-            mesh = replace(mesh, normals=_tidy_normals(mesh))
+            mesh = replace(mesh, normals=_tidy_normals(mesh, mesh.normals))
         return mesh
 
-    def _collapsed(
-        self, before: Sequence[MaterialPart], after: Sequence[MaterialPart]
-    ) -> Iterator[Finding]:
-        faces = sum(len(part.mesh.faces) for part in before)
-        dropped = faces - sum(len(part.mesh.faces) for part in after)
-        if dropped:
-            yield COLLAPSED_FACES(
-                self.subject,
-                f"{dropped} of {faces} triangles use one point twice and are left out",
-                data={"dropped": dropped, "faces": faces},
-            )
 
-    def _invisible(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
-        thin = [p for p in parts if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
-        if thin:
-            faces = sum(len(part.mesh.faces) for part in thin)
-            yield LINES_ONLY(
-                self.subject,
-                f"{len(thin)} of {len(parts)} parts are lines without any area "
-                f"({faces} triangles): too small to see, left out",
-                hint="delete them in the source",
-                data={"parts": len(thin), "faces": faces},
-            )
-
-    def _without_coordinates(
-        self, before: Sequence[MaterialPart], after: Sequence[MaterialPart]
-    ) -> Iterator[Finding]:
-        dropped = sum(
-            old.mesh.uv is not None and new.mesh.uv is None
-            for old, new in zip(before, after, strict=True)
+def _collapsed(before: Sequence[MaterialPart], after: Sequence[MaterialPart]) -> Iterator[Finding]:
+    faces = sum(len(part.mesh.faces) for part in before)
+    dropped = faces - sum(len(part.mesh.faces) for part in after)
+    if dropped:
+        yield COLLAPSED_FACES(
+            "mesh",
+            f"{dropped} of {faces} triangles use one point twice and are left out",
+            data={"dropped": dropped, "faces": faces},
         )
-        if dropped:
-            yield UNUSED_UV(
-                self.subject,
-                f"texture coordinates without a texture are left out (parts: {dropped})",
-                data={"parts": dropped},
-            )
 
-    def _lost(self, lost: Mapping[str, str]) -> Iterator[Finding]:
-        for texture, why in lost.items():
-            yield TEXTURE(
-                self.subject,
-                f"the texture `{texture}` {why}: its part is drawn in one colour",
-                hint="paths start at the folder of the file that names the texture",
-                data={"texture": texture},
-            )
 
-    def _opaque(self, textures: Sequence[str]) -> Iterator[Finding]:
-        for texture in textures:
-            yield TEXTURE_ALPHA(
-                self.subject,
-                f"the texture `{texture}` has transparent parts: MJCF and USD show them opaque",
-                hint="cut the holes into the mesh if they matter",
-                data={"texture": texture},
-            )
+def _invisible(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
+    thin = [p for p in parts if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
+    if thin:
+        faces = sum(len(part.mesh.faces) for part in thin)
+        yield LINES_ONLY(
+            "mesh",
+            f"{len(thin)} of {len(parts)} parts are lines without any area "
+            f"({faces} triangles): too small to see, left out",
+            hint="delete them in the source",
+            data={"parts": len(thin), "faces": faces},
+        )
 
-    def _inside_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
-        for number, part in enumerate(parts):
-            mesh = part.mesh
-            if mesh.is_closed and signed_volume(mesh) < 0.0:
-                yield INSIDE_OUT(
-                    self.subject,
-                    f"part {number} is closed, but its faces point inwards",
-                    hint="turn its normals in the source; viewers may show it black or hollow",
-                    data={"part": number, "volume_m3": signed_volume(mesh)},
-                )
+
+def _without_coordinates(
+    before: Sequence[MaterialPart], after: Sequence[MaterialPart]
+) -> Iterator[Finding]:
+    dropped = sum(
+        old.mesh.uv is not None and new.mesh.uv is None
+        for old, new in zip(before, after, strict=True)
+    )
+    if dropped:
+        yield UNUSED_UV(
+            "mesh",
+            f"texture coordinates without a texture are left out (parts: {dropped})",
+            data={"parts": dropped},
+        )
+
+
+def _inside_out(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
+    for number, part in enumerate(parts):
+        mesh = part.mesh
+        if mesh.is_closed and signed_volume(mesh) < 0.0:
+            yield INSIDE_OUT(
+                "mesh",
+                f"part {number} is closed, but its faces point inwards",
+                hint="turn its normals in the source; viewers may show it black or hollow",
+                data={"part": number, "volume_m3": signed_volume(mesh)},
+            )
 
 
 class _Painted:
     """Materials whose textures are PNG files in `folder`, named by their content.
 
-    lost: texture -> why it is not there. holes: textures with transparent parts.
+    lost: what is said of each texture that is not there. holes: of those with transparent parts.
     """
 
     def __init__(self, pictures: Mapping[str, bytes], folder: Path) -> None:
         folder.mkdir()
         self._pictures, self._folder = pictures, folder
         self._files: dict[str, str | None] = {}
-        self.lost: dict[str, str] = {}
-        self.holes: list[str] = []
+        self.lost: dict[str, Finding] = {}
+        self.holes: list[Finding] = []
 
     def part(self, part: MaterialPart) -> MaterialPart:
         """The part with its texture by file name, or without one."""
@@ -228,25 +207,33 @@ class _Painted:
         if texture is None:
             return part
         if part.mesh.uv is None:
-            self.lost[texture] = "has no texture coordinates to lie on"
+            self._lose(texture, "has no texture coordinates to lie on")
             return replace(part, material=replace(part.material, texture=None))
         if texture not in self._files:
             self._files[texture] = self._written(texture)
         return replace(part, material=replace(part.material, texture=self._files[texture]))
 
+    def _lose(self, texture: str, why: str) -> None:
+        message = f"the texture `{texture}` {why}: its part is drawn in one colour"
+        hint = "paths start at the folder of the file that names the texture"
+        self.lost[texture] = TEXTURE("mesh", message, hint, data={"texture": texture})
+
     def _written(self, texture: str) -> str | None:
         if texture not in self._pictures:
-            self.lost[texture] = "is not in the source"
+            self._lose(texture, "is not in the source")
             return None
         try:
             png = png_of(self._pictures[texture], texture)
         except ValueError as error:
-            self.lost[texture] = f"is not readable as a picture ({error})"
+            self._lose(texture, f"is not readable as a picture ({error})")
             return None
         if has_holes(png):
-            self.holes.append(texture)
-        stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(texture).stem)
-        name = f"{stem}-{hashlib.sha256(png).hexdigest()[:8]}.png"
+            message = (
+                f"the texture `{texture}` has transparent parts: MJCF and USD show them opaque"
+            )
+            hint = "cut the holes into the mesh if they matter"
+            self.holes.append(TEXTURE_ALPHA("mesh", message, hint, data={"texture": texture}))
+        name = picture_name(texture, png)
         (self._folder / name).write_bytes(png)
         return name
 
@@ -262,16 +249,10 @@ def write_converted(
     (folder / "parts").mkdir(exist_ok=True)
     for number, part in enumerate(parts):
         (folder / "parts" / f"{number}{SUFFIX}").write_bytes(array_bytes(part.mesh))
-    record = replace(describe(parts), up_axis=up_axis, turned=turned)
-    (folder / "mesh.json").write_bytes(encode(record))
-
-
-def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
-    """The figures of a converted mesh; it is closed when all parts together are."""
     whole = weld(merged([part.mesh for part in parts]))
-    closed = whole.is_closed
+    closed = whole.is_closed  # when all parts together are
     lower, upper = whole.bounds
-    return ConvertedMesh(
+    record = ConvertedMesh(
         parts=tuple(_described(f"{n}{SUFFIX}", part) for n, part in enumerate(parts)),
         faces=len(whole.faces),
         area_m2=area(whole),
@@ -279,7 +260,10 @@ def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
         upper=vec3(upper),
         watertight=closed,
         volume_m3=signed_volume(whole) if closed else None,
+        up_axis=up_axis,
+        turned=turned,
     )
+    (folder / "mesh.json").write_bytes(encode(record))
 
 
 def _described(file: str, part: MaterialPart) -> MeshPart:
@@ -295,11 +279,9 @@ def _described(file: str, part: MaterialPart) -> MeshPart:
     )
 
 
-def _tidy_normals(mesh: TriangleMesh) -> Array:
+def _tidy_normals(mesh: TriangleMesh, stated: Array) -> Array:
     """Unit normals per corner, rounded; where the file gives none, that of the face."""
-    if mesh.normals is None:
-        raise ValueError("the mesh has no normals")
-    normals = unit_vectors(np.nan_to_num(mesh.normals))
+    normals = unit_vectors(np.nan_to_num(stated))
     missing = ~normals.any(axis=2)
     if missing.any():
         normals[missing] = corner_normals(mesh)[missing]

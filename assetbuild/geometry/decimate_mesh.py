@@ -87,8 +87,6 @@ class DecimateMesh(Step):
 
     max_faces: int = Field(ge=4)
     """The goal for the whole mesh."""
-    subject: str = "mesh"
-    """What findings call it. Part of the key: name no path to share the result."""
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Decimate `parts/` towards `max_faces`; raises StepError when a part is no mesh."""
@@ -99,11 +97,11 @@ class DecimateMesh(Step):
         parts = [
             MaterialPart(
                 SurfaceMaterial(part.material, part.rgba, part.texture),
-                read_part(files.inputs / "parts" / part.file, self.subject),
+                read_part(files.inputs / "parts" / part.file),
             )
             for part in record.parts
         ]
-        yield from self._textured(parts)
+        yield from _textured(parts)
         attempt = self._search([part.mesh for part in parts])
         if attempt is None:
             _pass_on(files)
@@ -114,7 +112,7 @@ class DecimateMesh(Step):
         for picture in sorted({part.texture for part in record.parts if part.texture}):
             shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
         reached = sum(len(part.mesh.faces) for part in out)
-        yield self._decimated(record.faces, reached, attempt)
+        yield _decimated(record.faces, reached, attempt)
         if reached > self.max_faces:
             yield self._stopped(record.faces, reached, attempt)
 
@@ -137,33 +135,6 @@ class DecimateMesh(Step):
             budget = max(2 * budget, reached)
         return None
 
-    def _textured(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
-        textured = [part for part in parts if part.mesh.uv is not None]
-        if textured:
-            faces = sum(len(part.mesh.faces) for part in textured)
-            yield TEXTURED(
-                self.subject,
-                f"{len(textured)} textured parts with {faces} triangles are left as they "
-                "are: decimation would lose their texture coordinates",
-                data={"parts": len(textured), "faces": faces},
-            )
-
-    def _decimated(self, before: int, after: int, attempt: _Attempt) -> Finding:
-        p99 = 1e3 * attempt.distance.p99_m
-        return DECIMATED(
-            self.subject,
-            f"{before} -> {after} triangles; 99 % of the surface within {p99:.2g} mm, "
-            f"area x {attempt.area:.4f}",
-            data={
-                "from": before,
-                "to": after,
-                "p99_mm": round(p99, 4),
-                "max_mm": round(1e3 * attempt.distance.max_m, 4),
-                "mean_mm": round(1e3 * attempt.distance.mean_m, 4),
-                "area_ratio": round(attempt.area, 5),
-            },
-        )
-
     def _stopped(self, before: int, after: int, attempt: _Attempt | None) -> Finding:
         kept = f"keeps its {after} triangles, above the goal of {self.max_faces}: fewer would "
         kept += "change its shape"
@@ -171,7 +142,7 @@ class DecimateMesh(Step):
             f"stopped at {after} triangles, above the goal of {self.max_faces}, to keep the shape"
         )
         return BUDGET(
-            self.subject,
+            "mesh",
             kept if after == before else less,
             hint=f"set `visual.max_faces` to {after} to accept it",
             data={
@@ -181,6 +152,35 @@ class DecimateMesh(Step):
                 "area_ratio": None if attempt is None else round(attempt.area, 5),
             },
         )
+
+
+def _textured(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
+    textured = [part for part in parts if part.mesh.uv is not None]
+    if textured:
+        faces = sum(len(part.mesh.faces) for part in textured)
+        yield TEXTURED(
+            "mesh",
+            f"{len(textured)} textured parts with {faces} triangles are left as they "
+            "are: decimation would lose their texture coordinates",
+            data={"parts": len(textured), "faces": faces},
+        )
+
+
+def _decimated(before: int, after: int, attempt: _Attempt) -> Finding:
+    p99 = 1e3 * attempt.distance.p99_m
+    return DECIMATED(
+        "mesh",
+        f"{before} -> {after} triangles; 99 % of the surface within {p99:.2g} mm, "
+        f"area x {attempt.area:.4f}",
+        data={
+            "from": before,
+            "to": after,
+            "p99_mm": round(p99, 4),
+            "max_mm": round(1e3 * attempt.distance.max_m, 4),
+            "mean_mm": round(1e3 * attempt.distance.mean_m, 4),
+            "area_ratio": round(attempt.area, 5),
+        },
+    )
 
 
 def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh:

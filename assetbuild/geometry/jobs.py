@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource
-from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.world import World
 from assetbuild.errors import did_you_mean
@@ -24,7 +24,7 @@ from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import CollisionRule, Recipe, ShapedRule
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, vec3
 from assetbuild.robot.ranges import first_match
 from assetbuild.robot.sections import Region, ToleranceRegion
 from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
@@ -48,8 +48,7 @@ class Job:
     shapes: tuple[SourceShape, ...]
     method: type[CollisionMethod] | None = None
     fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
-    keep_open: tuple[Region, ...] = ()
-    regions: tuple[ToleranceRegion, ...] = ()
+    places: tuple[Region, ...] = ()
     own: tuple[MeshFile, ...] = ()
 
     @property
@@ -90,11 +89,9 @@ class Job:
         return self.shapes[0].X_link_shape.inverse() if alone else Pose()
 
     def _probes(self) -> tuple[Probe, ...]:
-        places: list[tuple[Region, float | None]]
-        places = [(place, None) for place in self.keep_open]
-        places += [(place, place.max_outside) for place in self.regions]
         made = []
-        for place, most in places:
+        for place in self.places:
+            most = place.max_outside if isinstance(place, ToleranceRegion) else None
             start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
             made.append(Probe(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
@@ -120,16 +117,18 @@ def _jobs_of(
         return [Job(link, (shape,)) for shape in link_shapes] if rule.method == "keep" else []
     if not link_shapes and method.step_name() != "explicit":
         return []
-    fields = _fields(rule, recipe)
+    fields = _fields(rule, recipe, method)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
-        fields["bones"] = _bones(links, link)
+        ends = {joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link}
+        fields["bones"] = tuple(sorted(end for end in ends if math.hypot(*end) > BONE_M))
+    places = (*rule.keep_open, *rule.regions)
     if method.scope != "shape":
         files = _own_meshes(rule, fields, folder)
-        return [Job(link, link_shapes, method, fields, rule.keep_open, rule.regions, files)]
+        return [Job(link, link_shapes, method, fields, places, files)]
     return [
         Job(link, (shape,))
         if isinstance(shape.geometry, method.keeps)
-        else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
+        else Job(link, (shape,), method, fields, places)
         for shape in link_shapes
     ]
 
@@ -156,12 +155,6 @@ def _own_meshes(
 def file_of(name: str, folder: Path) -> Path:
     """The absolute path of a file that a recipe in `folder` names."""
     return Path(os.path.normpath(folder / name))
-
-
-def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
-    """From the link's frame to the joints that it carries, m."""
-    ends = [joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link]
-    return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
 
 
 def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
@@ -197,30 +190,23 @@ def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> No
             raise KeyedError(place, f"no file `{piece.file}`", hint)
 
 
-def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as Job.fields
+def _fields(
+    rule: CollisionRule, recipe: Recipe, method: type[CollisionMethod]
+) -> dict[str, Any]:  # Any: as Job.fields
     """The keys of a rule that are fields of its step; a preset fills in what it does not state."""
-    method = method_of(rule)
-    keys = method.keys() if method else {}
-    preset = method.preset(rule.preset or recipe.collision.preset) if method else {}
-    stated = {k: v for k, v in rule.model_dump(include=set(keys)).items() if v is not None}
+    preset = method.preset(rule.preset or recipe.collision.preset)
+    dumped = rule.model_dump(include=set(method.keys()))
+    stated = {k: v for k, v in dumped.items() if v is not None}
     return dict(preset) | stated
 
 
 # --- equal shapes ---------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Twin:
-    """An earlier job with an equal shape and equal fields."""
-
-    job: Job
-    likeness: Likeness
-
-
 Converted = Callable[[MeshFile], Node]
 """The node of a converted mesh."""
-Twins = Mapping[Job, Twin]
-"""Keyed by the job that may reuse the other's result."""
+Twins = Mapping[Job, tuple[Job, Likeness]]
+"""Job that may reuse a result -> the earlier one with an equal shape and equal fields."""
 
 
 def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins | None:
@@ -228,49 +214,45 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
 
     A question to the graph: meshes are compared once they are converted.
     """
-    shared = _by_mesh(jobs, converted)
-    labels = list(dict.fromkeys(label for label, _ in shared))
-    if len(labels) < 2:
+    shared, nodes = _by_mesh(jobs, converted)
+    if len(nodes) < 2:
         return {}
-    folders = {label: f"shapes/{number}" for number, label in enumerate(labels)}
-    inputs: dict[str, Ref] = {}
-    for job in (same[0] for same in shared.values()):
-        node = _mesh_node(job, converted)
-        for output in ("parts/", "mesh.json"):
-            inputs[f"{folders[node.label]}/{output}"] = node[output]
+    folders = {label: f"shapes/{number}" for number, label in enumerate(nodes)}
+    inputs = {
+        f"{folders[label]}/{output}": node[output]
+        for label, node in nodes.items()
+        for output in ("parts/", "mesh.json")
+    }
     node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
     answer = p.ask(node["matches.json"])
     if answer is None:
         return None
     matches = json.loads(answer)
     by_folder = {folder: label for label, folder in folders.items()}
-    twins: dict[Job, Twin] = {}
+    twins: dict[Job, tuple[Job, Likeness]] = {}
     for (label, options), same in shared.items():
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
         if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
             likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
-            twins |= {job: Twin(others[0], likeness) for job in same}
+            twins |= dict.fromkeys(same, (others[0], likeness))
     return twins
 
 
-def _by_mesh(jobs: Sequence[Job], converted: Converted) -> dict[tuple[str, str], list[Job]]:
-    """(label of the mesh, fields) -> the jobs with them, of those worth the comparison."""
+def _by_mesh(
+    jobs: Sequence[Job], converted: Converted
+) -> tuple[dict[tuple[str, str], list[Job]], dict[str, Node]]:
+    """({(label of the mesh, fields): jobs with them}, {label: node}) of those worth comparing."""
     groups: dict[tuple[str, str], list[Job]] = {}
+    nodes: dict[str, Node] = {}
     for job in jobs:
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
-        if job.per_link or job.keep_open or job.regions:
+        mesh = job.shapes[0].geometry
+        if job.per_link or job.places or not isinstance(mesh, MeshFile):
             continue
-        if not isinstance(job.shapes[0].geometry, MeshFile):
-            continue
+        node = converted(mesh)
+        nodes[node.label] = node
         options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
-        groups.setdefault((_mesh_node(job, converted).label, options), []).append(job)
-    return groups
-
-
-def _mesh_node(job: Job, converted: Converted) -> Node:
-    (shape,) = job.shapes
-    if not isinstance(shape.geometry, MeshFile):
-        raise TypeError("only meshes are compared")
-    return converted(shape.geometry)
+        groups.setdefault((node.label, options), []).append(job)
+    return groups, nodes

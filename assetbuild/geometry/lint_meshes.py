@@ -11,27 +11,26 @@ import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import format_of
+from assetbuild.mesh.primitives import half_height
 from assetbuild.mesh.read import TO_Z_UP
+from assetbuild.mesh.solid import beyond_box
 from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import (
-    Box,
-    Capsule,
-    Cylinder,
     MeshFile,
     SourceGeometry,
     SourceShape,
     SourceShapes,
-    Sphere,
 )
 
 CLEARLY = 0.05
@@ -85,38 +84,41 @@ class LintMeshes(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for all meshes of the robot."""
         robot = RobotFiles(files.inputs)
-        records = {
-            name: decode_file(ConvertedMesh, files.inputs / "meshes" / f"{number}.json")
-            for number, name in enumerate(self.shapes)
-        }
-        finding = judge_up_axes(robot.links, robot.source_shapes, records)
-        if finding is not None:
-            yield finding
+        records = _records(files.inputs, self.shapes)
+        yield from judge_up_axes(robot.links, robot.source_shapes, records)
+
+
+def _records(inputs: Path, shapes: Sequence[str]) -> dict[str, ConvertedMesh]:
+    """Of the meshes of these shapes, by the shape's name."""
+    return {
+        name: decode_file(ConvertedMesh, inputs / "meshes" / f"{number}.json")
+        for number, name in enumerate(shapes)
+    }
 
 
 def judge_up_axes(
     tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
-) -> Finding | None:
+) -> Iterator[Finding]:
     """One finding for all meshes of the robot that would stand better the other way.
 
     records: by the name of the shape; a mesh without one is no witness.
     """
     votes = _votes(tree, shapes, records)
-    wrong = _wrong(votes, _doubted(shapes, records))
+    doubted = _doubted(shapes, records)
+    wrong = _wrong(votes, doubted)
     better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
     if not better:
-        return None
-    is_turned = _doubted(shapes, records)
+        return
     first = max(better, key=lambda vote: (vote.is_sure, vote.now - vote.other))
     mesh = next(path for path in first.paths if path in wrong)
-    stated = next(r.up_axis for s, r in _said(shapes, records) if s == mesh)
-    do = "taken as it is" if is_turned[mesh] else "turned to Z"
-    key = "leave it out of" if is_turned[mesh] else "name it in"
+    is_turned = doubted[mesh].turned
+    do = "taken as it is" if is_turned else "turned to Z"
+    key = "leave it out of" if is_turned else "name it in"
     opposite = sum(not vote.is_better for vote in votes)
     meshes = tuple(sorted({path for vote in better for path in vote.paths if path in wrong}))
-    return UP_AXIS_FIT(
+    yield UP_AXIS_FIT(
         f"mesh {mesh}",
-        f"it says {stated} and would fit link `{first.link}` better {do}: "
+        f"it says {doubted[mesh].up_axis} and would fit link `{first.link}` better {do}: "
         f"{first.by} is off by {100 * first.now:.0f} % of its size, then {100 * first.other:.0f} %"
         f"; so it is for {len(better)} shapes, the opposite for {opposite}",
         hint=f"{key} `source.honour_up_axis`"
@@ -133,7 +135,7 @@ def meshes_to_turn(
     return _wrong(_votes(tree, shapes, records), _doubted(shapes, records))
 
 
-def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str]:
+def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> frozenset[str]:
     """Paths of the meshes that should stand the other way.
 
     The shapes beside a mesh decide for it. Else it follows the other meshes of its format, since
@@ -145,7 +147,7 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str
     count: Counter[str] = Counter()
     for vote in votes:
         for path in vote.paths:
-            says = 1 if vote.is_better != doubted[path] else -1
+            says = 1 if vote.is_better != doubted[path].turned else -1
             shown[path] += says if vote.is_sure and vote.by == SHAPE else 0
             sure[path] += says if vote.is_sure else 0
             alike[format_of(path)] += says
@@ -155,20 +157,16 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str
         format = format_of(path)
         most = alike[format] if abs(alike[format]) > AGREED * count[format] else 0
         wanted[path] = shown[path] or most or sure[path] or alike[format]
-    return frozenset(path for path, says in wanted.items() if says and (says > 0) != doubted[path])
+    return frozenset(
+        path for path, says in wanted.items() if says and (says > 0) != doubted[path].turned
+    )
 
 
-def _doubted(shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> dict[str, bool]:
-    """Meshes that state an up axis: path -> was it turned accordingly?"""
-    return {path: record.turned for path, record in _said(shapes, records)}
-
-
-def _said(
+def _doubted(
     shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
-) -> Iterator[tuple[str, ConvertedMesh]]:
-    for shape in shapes.shapes:
-        if _says(shape, records):
-            yield _path(shape), records[shape.name]
+) -> dict[str, ConvertedMesh]:
+    """Meshes that state an up axis, by path."""
+    return {_path(s): records[s.name] for s in shapes.shapes if _says(s, records)}
 
 
 def _path(shape: SourceShape) -> str:
@@ -220,11 +218,13 @@ def _vote(
         misfits[SHAPE] = [float(np.abs(b - seen).max()) for b in boxes]
     else:
         if body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
-            com = np.array(body.inertial.com_m)
-            misfits["the centre of mass"] = [_outside(box, com) for box in boxes]
+            com = np.array([body.inertial.com_m])
+            misfits["the centre of mass"] = [
+                float(beyond_box(box[0], box[1], com)[0]) for box in boxes
+            ]
         if len(joints):
-            far = [[_outside(box, joint) for joint in joints] for box in boxes]
-            misfits["where its joints are"] = [float(np.mean(gaps)) for gaps in far]
+            far = [float(beyond_box(box[0], box[1], joints).mean()) for box in boxes]
+            misfits["where its joints are"] = far
     paths = tuple(dict.fromkeys(_path(shape) for shape in doubted))
     votes = [
         _Vote(body.name, paths, now / size, other / size, by, False)
@@ -236,12 +236,6 @@ def _vote(
     best = max(votes, key=lambda vote: abs(vote.now - vote.other))
     is_sure = min(best.now, best.other) < CLOSELY if witnesses else len(votes) > 1
     return replace(best, is_sure=is_sure)
-
-
-def _outside(box: Box3, point: Array) -> float:
-    """How far a point lies outside, m."""
-    gap = np.maximum(box[0] - point, point - box[1])
-    return float(np.linalg.norm(np.maximum(gap, 0.0)))
 
 
 def _says(shape: SourceShape, records: Mapping[str, ConvertedMesh]) -> bool:
@@ -256,7 +250,9 @@ def _around(
     for shape in shapes:
         record = records.get(shape.name)
         if record is None:
-            corners = _corners(_of_primitive(shape.geometry))
+            assert not isinstance(shape.geometry, MeshFile)  # noqa: S101 # a mesh has a record
+            half = np.array([half_height(shape.geometry, axis) for axis in np.eye(3)])
+            corners = _corners(np.array([-half, half]))
         else:
             corners = _corners(np.array([record.lower, record.upper]))
             if other and record.up_axis is not None:
@@ -280,23 +276,10 @@ def _otherwise(corners: Array, record: ConvertedMesh, geometry: SourceGeometry) 
     return np.asarray((corners / scale) @ turn.T * scale)
 
 
-def _of_primitive(geometry: SourceGeometry) -> Box3:
-    match geometry:
-        case Box(size):
-            half = np.array(size) / 2.0
-        case Sphere(radius):
-            half = np.full(3, radius)
-        case Cylinder(radius, length):
-            half = np.array([radius, radius, length / 2.0])
-        case Capsule(radius, length):
-            half = np.array([radius, radius, length / 2.0 + radius])
-        case MeshFile():
-            raise TypeError("a mesh has a record")
-    return np.array([-half, half])
-
-
 DEFAULT_KG_M3 = 1000.0
 """SolidWorks' density of a part without a material, water's."""
+FEWEST = 2
+"""A single link of that density may well be one of plastic."""
 NEAR = 0.005
 """Relative: volume of the exported triangles against the CAD's own."""
 
@@ -317,23 +300,18 @@ class LintDensity(Step):
     own_name = "lint_density"
     shapes: tuple[str, ...] = ()
     """Names of the shapes whose meshes `meshes/0.json`, ... are."""
-    fewest: int = 2
-    """A single link of that density may well be one of plastic."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for the robot, when at least half of its links have that density."""
         robot = RobotFiles(files.inputs)
-        volume: dict[str, float | None] = {}
-        for index, name in enumerate(self.shapes):
-            mesh = decode_file(ConvertedMesh, files.inputs / f"meshes/{index}.json")
-            volume[name] = mesh.volume_m3
-        densities = _densities(robot.links, robot.source_shapes, volume)
+        records = _records(files.inputs, self.shapes)
+        densities = _densities(robot.links, robot.source_shapes, records)
         suspects = tuple(
             link
             for link, density in densities.items()
             if abs(density - DEFAULT_KG_M3) <= NEAR * DEFAULT_KG_M3
         )
-        if len(suspects) >= self.fewest and 2 * len(suspects) >= len(densities):
+        if len(suspects) >= FEWEST and 2 * len(suspects) >= len(densities):
             names = ", ".join(suspects[:6]) + (", ..." if len(suspects) > 6 else "")
             yield DEFAULT_DENSITY(
                 "robot",
@@ -346,13 +324,13 @@ class LintDensity(Step):
 
 
 def _densities(
-    tree: Tree, shapes: SourceShapes, volume: dict[str, float | None]
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> dict[str, float]:
     """kg/m3 of the links with a mass whose visual volume is known."""
     densities = {}
     for body in tree.bodies:
         visuals = [shape for shape in shapes.of("visual") if shape.link == body.name]
-        volumes = [volume.get(shape.name) for shape in visuals]
+        volumes = [records[s.name].volume_m3 for s in visuals if s.name in records]
         known = [value for value in volumes if value]
         if body.inertial and body.inertial.mass_kg > 0.0 and visuals and len(known) == len(visuals):
             densities[body.name] = body.inertial.mass_kg / sum(known)

@@ -54,10 +54,10 @@ class MatchShapes(Step):
             record = decode_file(ConvertedMesh, folder / "mesh.json")
             parts = [read_part(folder / "parts" / part.file, folder.name) for part in record.parts]
             this = _Sampled.of(name, merged(parts))
-            match = None if this is None else _match(this, first)
+            match = _match(this, first)
             if match is not None:
                 matches[name] = match
-            elif this is not None:
+            else:
                 first.append(this)
         text = json.dumps(matches, indent=1, sort_keys=True)
         (files.outputs / "matches.json").write_text(text + "\n", encoding="utf-8")
@@ -76,18 +76,15 @@ class _Sampled:
     base: float
 
     @classmethod
-    def of(cls, name: str, mesh: TriangleMesh) -> _Sampled | None:
-        """None for a mesh without a surface."""
+    def of(cls, name: str, mesh: TriangleMesh) -> _Sampled:
+        """The samples of a converted mesh, which has a surface."""
         from scipy.spatial import cKDTree
 
-        size = area(mesh) if len(mesh.faces) and np.isfinite(mesh.vertices).all() else 0.0
-        if not size > 0.0:
-            return None
         lower, upper = mesh.bounds
         middle = (lower + upper) / 2.0
         points, again = (surface_samples(mesh, SAMPLES, seed)[0] - middle for seed in (0, 1))
         base = float(np.mean(cKDTree(points).query(again)[0]))
-        return cls(name, middle, upper - lower, size, points, base)
+        return cls(name, middle, upper - lower, area(mesh), points, base)
 
 
 def _match(this: _Sampled, known: Sequence[_Sampled]) -> dict[str, object] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import posixpath
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -12,7 +13,7 @@ from typing import get_args
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.step import Step
-from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.geometry.assemble import Assemble, Use
 from assetbuild.geometry.companion_files import ConvertTexture, MeshCompanions
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.geometry.decimate_mesh import DecimateMesh
@@ -21,7 +22,7 @@ from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes
 from assetbuild.mesh.companions import Naming, format_of
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Tree
-from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.robot.shapes import MeshFile, Role, SourceShape, SourceShapes
 from assetbuild.robot.sides import Side, side_of
 from assetbuild.source.plan import SourceFiles
 
@@ -185,60 +186,42 @@ def assemble(
     folder: of the recipe. sides: shapes of one that comes as MJCF keep their names.
     """
     inputs: dict[str, Ref] = {"shapes.json": shapes}
-    visuals = _visuals(recipe, geometry, sides, inputs)
+    shown = functools.partial(geometry.visual, max_faces=recipe.visual.max_faces)
+    uses = [_as_it_is(s, "visual", shown, inputs) for s in geometry.shapes.of("visual")]
     jobs = collision_jobs(recipe, folder, links, geometry.shapes)
     twins = equal_shapes(jobs, geometry.converted, p)
     if twins is None:
         return None
     nodes: dict[Job, Node] = {}
-    collisions = []
     for job in jobs:
         if job.method is None:
-            use = _kept(job, geometry, inputs)
-        else:
-            node = nodes[job] = _add(job, twins, nodes, geometry, p)
-            use = _use(job, node, inputs)
-        collisions.append(replace(use, named=side_of(sides, job.link).from_mjcf))
+            uses.append(_as_it_is(job.shapes[0], "collision", geometry.converted, inputs))
+            continue
+        node = nodes[job] = _add(job, twins, nodes, geometry, p)
+        place = f"collision/{node.label}"
+        inputs |= _inputs(node, PIECES, place)
+        origin = None if job.per_link else job.shapes[0].name
+        uses.append(Use(job.link, "collision", origin, pieces=place, stem=job.link))
+    named = (replace(use, named=side_of(sides, use.link).from_mjcf) for use in uses)
     for number, (path, ref) in enumerate(geometry.textures.items()):
         texture = ConvertTexture(name=PurePosixPath(path).name)
         node = p.add(f"convert_texture {path}", texture, {"picture": ref})
         inputs[f"textures/{number}/"] = node["texture/"]
-    step = Assemble(
-        visuals=tuple(visuals),
-        collisions=tuple(collisions),
-        textures=tuple(geometry.textures),
-    )
+    step = Assemble(uses=tuple(named), textures=tuple(geometry.textures))
     return p.add("assemble", step, inputs)
 
 
-def _visuals(
-    recipe: Recipe, geometry: Geometry, sides: Sequence[Side], inputs: dict[str, Ref]
-) -> list[VisualUse]:
-    uses = []
-    for shape in geometry.shapes.of("visual"):
-        use = VisualUse(shape.name, named=side_of(sides, shape.link).from_mjcf)
-        if isinstance(shape.geometry, MeshFile):
-            node = geometry.visual(shape.geometry, recipe.visual.max_faces)
-            use = replace(use, folder=f"visual/{node.label}", stem=_stem(shape.geometry))
-            inputs |= _inputs(node, MESH, f"visual/{node.label}")
-        uses.append(use)
-    return uses
-
-
-def _stem(mesh: MeshFile) -> str:
-    """The short name of a mesh file: `calf`."""
-    return PurePosixPath(mesh.path).stem
-
-
-def _kept(job: Job, geometry: Geometry, inputs: dict[str, Ref]) -> CollisionUse:
-    """The source's shape as it is."""
-    (shape,) = job.shapes
-    use = CollisionUse(job.link, shape.name)
+def _as_it_is(
+    shape: SourceShape, role: Role, built: Callable[[MeshFile], Node], inputs: dict[str, Ref]
+) -> Use:
+    """The source's shape; built: the node of its mesh."""
+    use = Use(shape.link, role, shape.name)
     if not isinstance(shape.geometry, MeshFile):
         return use
-    node = geometry.converted(shape.geometry)
-    inputs |= _inputs(node, MESH, f"collision/{node.label}")
-    return replace(use, mesh=f"collision/{node.label}", stem=_stem(shape.geometry))
+    node = built(shape.geometry)
+    folder = f"{role}/{node.label}"
+    inputs |= _inputs(node, MESH, folder)
+    return replace(use, mesh=folder, stem=PurePosixPath(shape.geometry.path).stem)
 
 
 def _add(job: Job, twins: Twins, nodes: Mapping[Job, Node], geometry: Geometry, p: Planner) -> Node:
@@ -249,18 +232,11 @@ def _add(job: Job, twins: Twins, nodes: Mapping[Job, Node], geometry: Geometry, 
             inputs |= _inputs(geometry.converted(shape.geometry), MESH, f"shapes/{index}")
     for index, mesh in enumerate(job.own):
         inputs |= _inputs(geometry.own(mesh), MESH, f"own/{index}")
-    twin = twins.get(job)
-    if twin is not None:
-        inputs |= _inputs(nodes[twin.job], (*PIECES, "quality.json"), "like")
+    other, likeness = twins.get(job, (None, None))
+    if other is not None:
+        inputs |= _inputs(nodes[other], (*PIECES, "quality.json"), "like")
     geometry.subjects[job.label] = f"link {job.link}"
-    return p.add(job.label, job.step(twin.likeness if twin else None), inputs)
-
-
-def _use(job: Job, node: Node, inputs: dict[str, Ref]) -> CollisionUse:
-    folder = f"collision/{node.label}"
-    inputs |= _inputs(node, PIECES, folder)
-    origin = None if job.per_link else job.shapes[0].name
-    return CollisionUse(job.link, origin, pieces=folder, stem=job.link)
+    return p.add(job.label, job.step(likeness), inputs)
 
 
 # --- files that meshes name -------------------------------------------------------------------

@@ -323,6 +323,5 @@ def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
             format=FORMATS[path.suffix.lower()],
             scale=shape.geometry.scale,
             up_axis="honour" if shape.geometry.path in robot.turned else "ignore",
-            subject=shape.name,
         )
         mesh_ports.run(convert)

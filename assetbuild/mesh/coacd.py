@@ -52,6 +52,10 @@ class CoAcdOptions(Model):
     seed: int = Field(0, ge=0, le=2**31 - 1, description="of the random search")
 
 
+OWN_NAMES = {"threshold", "threshold_m", "preprocess", "mcts_depth", "approximation"}
+"""Of `CoAcdOptions`, which CoACD calls otherwise."""
+
+
 class Patience:
     """Hears CoACD's log; True at a mesh that is not clean, and where the work becomes too much.
 
@@ -89,46 +93,24 @@ def coacd_parts(
     remeshed, or before the round that is too much.
     """
 
-    talks = patience is not None
-    return run_apart(
-        lambda: _parts(mesh, options, max_hulls, max_vertices, talks=talks),
-        limits,
-        stop_when=patience,
-    )
+    def parts() -> Iterator[TriangleMesh]:
+        import coacd
 
+        coacd.set_log_level("error" if patience is None else "info")
+        in_metres = options.threshold_m is not None
+        made = coacd.run_coacd(
+            coacd.Mesh(np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int32)),
+            **options.model_dump(exclude=OWN_NAMES),
+            threshold=options.threshold_m if in_metres else options.threshold,
+            max_convex_hull=-1 if max_hulls is None else max_hulls,
+            preprocess_mode=options.preprocess,
+            mcts_max_depth=options.mcts_depth,
+            max_ch_vertex=max_vertices,
+            apx_mode=options.approximation,
+            real_metric=in_metres,
+        )
+        for vertices, faces in made:
+            triangles = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+            yield TriangleMesh(np.asarray(vertices, dtype=np.float64), triangles)
 
-def _parts(
-    mesh: TriangleMesh,
-    options: CoAcdOptions,
-    max_hulls: int | None,
-    max_vertices: int,
-    *,
-    talks: bool,
-) -> Iterator[TriangleMesh]:
-    import coacd
-
-    coacd.set_log_level("info" if talks else "error")
-    in_metres = options.threshold_m is not None
-    parts = coacd.run_coacd(
-        coacd.Mesh(np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int32)),
-        threshold=options.threshold_m if in_metres else options.threshold,
-        max_convex_hull=-1 if max_hulls is None else max_hulls,
-        preprocess_mode=options.preprocess,
-        preprocess_resolution=options.preprocess_resolution,
-        resolution=options.resolution,
-        mcts_nodes=options.mcts_nodes,
-        mcts_iterations=options.mcts_iterations,
-        mcts_max_depth=options.mcts_depth,
-        pca=options.pca,
-        merge=options.merge,
-        decimate=options.decimate,
-        max_ch_vertex=max_vertices,
-        extrude=options.extrude,
-        extrude_margin=options.extrude_margin,
-        apx_mode=options.approximation,
-        seed=options.seed,
-        real_metric=in_metres,
-    )
-    for vertices, faces in parts:
-        triangles = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
-        yield TriangleMesh(np.asarray(vertices, dtype=np.float64), triangles)
+    return run_apart(parts, limits, stop_when=patience)

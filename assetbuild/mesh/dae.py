@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
@@ -78,13 +78,7 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
         skipped["cameras"] = cameras
     return SourceMesh(
         group_by_material(placed),
-        (
-            *findings,
-            *_left_out(skipped, subject),
-            *_applied(unit, subject),
-            *colours_finding(coloured, subject),
-            *_ignored(document.errors, subject),
-        ),
+        (*findings, *_said(document, skipped, unit, coloured, subject)),
         # The standard's default, Y_UP, when the asset does not say.
         up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
     )
@@ -201,22 +195,19 @@ def _material(material: Any) -> SurfaceMaterial:
     return replace(out, rgba=(r, g, b, a))
 
 
-def _left_out(skipped: Mapping[str, int], subject: str) -> Iterator[Finding]:
+def _said(
+    document: Any, skipped: Mapping[str, int], unit: float | None, coloured: bool, subject: str
+) -> Iterator[Finding]:
     if skipped:
         names = ", ".join(f"{count} {name}" for name, count in sorted(skipped.items()))
         severity: Severity = "warning" if MISSED & set(skipped) else "info"
         message, data = f"not surfaces, left out: {names}", dict(sorted(skipped.items()))
         yield SKIPPED(subject, message, severity=severity, data=data)
-
-
-def _applied(unit: float | None, subject: str) -> Iterator[Finding]:
     if unit is not None and unit != 1.0:
         message = f"the file's unit is {unit:g} m; it is applied, as viewers do"
         yield UNIT(subject, message, data={"unit_m": float(unit)})
-
-
-def _ignored(errors: Sequence[Exception], subject: str) -> Iterator[Finding]:
-    if errors:
-        message = f"parts of the file were not understood: {one_line(errors[0])}"
+    yield from colours_finding(coloured, subject)
+    if document.errors:
+        message = f"parts of the file were not understood: {one_line(document.errors[0])}"
         hint = "shapes are complete; a colour, camera or texture may be missing"
-        yield IGNORED(subject, message, hint, data={"count": len(errors)})
+        yield IGNORED(subject, message, hint, data={"count": len(document.errors)})

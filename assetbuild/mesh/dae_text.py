@@ -38,8 +38,12 @@ def load(data: bytes, subject: str) -> tuple[Any, list[Finding], dict[str, int]]
     lines = {g.get("id"): g.sourceline for g in root.iterfind(GEOMETRIES)}
     skipped, gone = _without_curves(root)
     text = _bytes(root) if findings or skipped or gone else data
-    document = _with_broken_samplers(_document(text, subject), subject)
-    document = _without_lost_materials(document, subject)
+    document = _document(text, subject)
+    for mend in (_mend_samplers, _drop_lost_materials):
+        if mend(document):  # read it again, as its mended tree says
+            errors = document.errors
+            document = _document(_bytes(document.xmlnode.getroot()), subject)
+            document.errors = errors
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     _refuse_lost_geometry(document, lines, subject)
@@ -226,14 +230,14 @@ def _refuse_unread(root: Any, subject: str) -> None:
 # --- what pycollada loses ------------------------------------------------------------------------
 
 
-def _with_broken_samplers(document: Any, subject: str) -> Any:
-    """The file with samplers mended whose picture the material itself names.
+def _mend_samplers(document: Any) -> bool:
+    """Mend samplers whose picture the material itself names; False where there are none.
 
     `<texture texture="...">` should name a sampler; where it names a picture and the sampler
     leads nowhere, what is meant is certain. pycollada would leave out the material.
     """
     if not document.errors:
-        return document
+        return False
     root = document.xmlnode.getroot()
     pictures = {image.id for image in document.images}
     broken = False
@@ -249,15 +253,11 @@ def _with_broken_samplers(document: Any, subject: str) -> Any:
                 if start is not None and (start.text or "").strip() in named & pictures:
                     source.text = other.get("sid")
                     broken = True
-    if not broken:
-        return document
-    whole = _document(_bytes(root), subject)
-    whole.errors = document.errors
-    return whole
+    return broken
 
 
-def _without_lost_materials(document: Any, subject: str) -> Any:
-    """The file without uses of materials that it does not hold, or that are broken themselves.
+def _drop_lost_materials(document: Any) -> bool:
+    """Drop uses of materials that the file does not hold, or that are broken themselves.
 
     pycollada leaves out a whole geometry when one of its materials is missing; its triangles
     matter more than their colour, whose loss `mesh.ignored` tells.
@@ -266,13 +266,9 @@ def _without_lost_materials(document: Any, subject: str) -> Any:
     root = document.xmlnode.getroot()
     uses = list(root.iter(document.tag("instance_material")))
     lost = [use for use in uses if use.get("target", "").removeprefix("#") not in known]
-    if not lost:
-        return document
     for use in lost:
         use.getparent().remove(use)
-    whole = _document(_bytes(root), subject)
-    whole.errors = document.errors
-    return whole
+    return bool(lost)
 
 
 def _refuse_lost_geometry(document: Any, lines: Mapping[str, int], subject: str) -> None:

@@ -7,6 +7,7 @@ chooses: what sticks out counts once, what is missing twice.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
@@ -35,11 +36,11 @@ FIBONACCI = 24
 
 def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
     """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
-    score = _Score(reference)
+    score = _score(reference)
     samples, _ = surface_samples(reference.mesh, SAMPLES, 0)
     smallest = enclosing_each(reference, kinds)
     fits = (fit for each in smallest for fit in (each, _least_squares(each, samples)))
-    return tidy(first_best(fits, score.of))
+    return tidy(first_best(fits, score))
 
 
 def box_axes(reference: Reference) -> tuple[Array, float]:
@@ -82,20 +83,19 @@ def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitt
     return best
 
 
-class _Score:
-    """over + 2 under of a primitive against a mesh, on one cloud of points."""
+def _score(reference: Reference) -> Callable[[Fitted], float]:
+    """over + 2 under of a primitive against a mesh, on one cloud of points; 0 is perfect."""
+    inside, volume = reference.inside
+    if not len(inside):  # thinner than the points are apart
+        lower, upper = reference.room
+        inside, volume = sobol(POINTS, lower, upper), float(np.prod(upper - lower))
 
-    def __init__(self, reference: Reference) -> None:
-        self._inside, self._volume = reference.inside
-        if not len(self._inside):  # thinner than the points are apart
-            lower, upper = reference.room
-            self._inside, self._volume = sobol(POINTS, lower, upper), float(np.prod(upper - lower))
-
-    def of(self, fitted: Fitted) -> float:
-        """The score; 0 is a perfect cover."""
-        covered = float((ConvexPiece(*fitted).distance(self._inside) <= 0.0).mean())
-        over = volume_of(fitted[0]) / self._volume - covered
+    def score(fitted: Fitted) -> float:
+        covered = float((ConvexPiece(*fitted).distance(inside) <= 0.0).mean())
+        over = volume_of(fitted[0]) / volume - covered
         return over + 2.0 * (1.0 - covered)
+
+    return score
 
 
 def _candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
@@ -143,29 +143,20 @@ def _frame_of(axis: Array) -> Array:
     return Pose(quat=quat_between((0.0, 0.0, 1.0), axis)).rotation
 
 
-def _cylinder_along(axis: Array, points: Array, steps: int) -> Fitted:
-    rotation = _frame_of(axis)
-    local = points @ rotation
-    centre, radius = _smallest_ball(local[:, :2], steps)
-    low, high = float(local[:, 2].min()), float(local[:, 2].max())
-    return Cylinder(radius, high - low), _pose_at(rotation, centre, (low + high) / 2.0)
-
-
-def _capsule_along(axis: Array, points: Array, steps: int) -> Fitted:
-    """The shortest capsule of the smallest radius about the axis; see the cap's half circle."""
+def _round_along(
+    kind: type[Cylinder] | type[Capsule], axis: Array, points: Array, steps: int
+) -> Fitted:
+    """The shortest of the smallest radius about the axis; a capsule's caps reach over its ends."""
     rotation = _frame_of(axis)
     local = points @ rotation
     centre, radius = _smallest_ball(local[:, :2], steps)
     off = np.linalg.norm(local[:, :2] - centre, axis=1)
-    cap = np.sqrt(np.maximum(radius * radius - off * off, 0.0))
+    cap = np.sqrt(np.maximum(radius * radius - off * off, 0.0)) if kind is Capsule else 0.0
     high, low = float((local[:, 2] - cap).max()), float((local[:, 2] + cap).min())
     if high < low:
         high = low = (high + low) / 2.0
-    return Capsule(radius, high - low), _pose_at(rotation, centre, (low + high) / 2.0)
-
-
-def _pose_at(rotation: Array, centre: Array, height: float) -> Pose:
-    return Pose(vec3(rotation @ np.array([*centre, height])), quat_of(rotation))
+    middle = rotation @ np.array([*centre, (low + high) / 2.0])
+    return kind(radius, high - low), Pose(vec3(middle), quat_of(rotation))
 
 
 def _box_along(axis: Array, points: Array, steps: int) -> Fitted:
@@ -190,8 +181,8 @@ def _box_along(axis: Array, points: Array, steps: int) -> Fitted:
 
 _ALONG: Mapping[type[Primitive], Callable[[Array, Array, int], Fitted]] = {
     Box: _box_along,
-    Cylinder: _cylinder_along,
-    Capsule: _capsule_along,
+    Cylinder: functools.partial(_round_along, Cylinder),
+    Capsule: functools.partial(_round_along, Capsule),
 }
 
 

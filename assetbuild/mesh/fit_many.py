@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import AS_GOOD, enclosing_each, first_best, tidy
-from assetbuild.mesh.primitives import Fitted, Movable, resized, sizes_of, volume_of
+from assetbuild.mesh.primitives import Fitted, Movable, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array, Vec3
-from assetbuild.robot.shapes import Capsule, Primitive, Sphere
+from assetbuild.robot.shapes import Capsule, Primitive, Sphere, sizes_of
 
 POINTS = 4096
 """Sobol points that the union is fitted to: a share is known to 0.008."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Literal
 from urllib.parse import unquote
 
@@ -58,7 +58,8 @@ def read_gltf(
         order = list(scene.geometry)
         nodes = sorted(scene.graph.nodes_geometry)
         nodes.sort(key=lambda node: order.index(scene.graph.get(node)[1]))
-        header = _header(data, format)
+        length = int.from_bytes(data[12:16], "little")
+        header = json.loads(data if format == "gltf" else data[20 : 20 + length])
         _refuse_unread(header, subject)
         materials = _Materials(header)
         placed = [_part(scene, node, materials) for node in nodes]
@@ -73,11 +74,6 @@ def read_gltf(
     colours = bool(kinds & {"vertex", "face"})
     findings = (*stray, *colours_finding(colours, subject))
     return SourceMesh(parts, findings, materials.pictures, up_axis="Y_UP")  # by definition
-
-
-def _header(data: bytes, format: Literal["glb", "gltf"]) -> Any:
-    length = int.from_bytes(data[12:16], "little")
-    return json.loads(data if format == "gltf" else data[20 : 20 + length])
 
 
 def _refuse_unread(header: Any, subject: str) -> None:
@@ -98,25 +94,19 @@ def _refuse_unread(header: Any, subject: str) -> None:
                 )
 
 
-class _Files(Mapping[str, bytes]):
+class _Files(dict[str, bytes]):
     """What trimesh asks for other files of a glTF; it looks nowhere else."""
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
-        self._files = files
+        super().__init__(files)
         self.missing: list[str] = []
 
     def __getitem__(self, name: str) -> bytes:
-        content = self._files.get(relative_name(unquote(name)) or "")
+        content = self.get(relative_name(unquote(name)) or "")
         if content is None:
             self.missing.append(name)
             raise KeyError(name)
         return content
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._files)
-
-    def __len__(self) -> int:
-        return len(self._files)
 
 
 class _Materials:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.triangles import Indices, TriangleMesh
-from assetbuild.robot.pose import Array, cross
+from assetbuild.mesh.triangles import Indices, TriangleMesh, in_order, spanned
+from assetbuild.robot.pose import Array
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
@@ -40,10 +40,10 @@ def convex_hull(
     given = np.asarray(points, dtype=np.float64)
     if not np.isfinite(given).all():
         raise StepError(f"{subject}: not all vertices are finite numbers")
-    distinct = _distinct(given + 0.0)
+    order, new = in_order(given + 0.0)
+    distinct = given[order[new]] + 0.0
     refuse_flat(distinct, subject)
-    whole = _outward(distinct, _qhull(distinct, subject))
-    return capped(whole, max_vertices, max_polygons, subject=subject)
+    return capped(_hull_of(distinct, subject), max_vertices, max_polygons, subject=subject)
 
 
 def capped(
@@ -61,25 +61,12 @@ def capped(
         return hull
     order = _farthest_first(corners, most, subject)
     if too_many:
-        made = _hull_of(corners, order, subject)
+        made = _hull_of(corners[np.sort(order)], subject)
     # Each vertex less is about two polygons less; the order is the same, so it only shortens.
     while max_polygons is not None and (count := polygon_count(made)) > max_polygons:
         order = order[: max(4, len(order) - max(1, (count - max_polygons) // 2))]
-        made = _hull_of(corners, order, subject)
+        made = _hull_of(corners[np.sort(order)], subject)
     return made
-
-
-def _distinct(points: Array) -> Array:
-    """`np.unique` of rows, by a quicker sort."""
-    sorted_rows = points[np.lexsort(points.T[::-1])]
-    is_new = np.ones(len(points), dtype=bool)
-    is_new[1:] = (sorted_rows[1:] != sorted_rows[:-1]).any(axis=1)
-    return np.asarray(sorted_rows[is_new])
-
-
-def _hull_of(points: Array, order: Indices, subject: str) -> TriangleMesh:
-    chosen = points[np.sort(order)]
-    return _outward(chosen, _qhull(chosen, subject))
 
 
 def _farthest_first(points: Array, count: int, subject: str) -> Indices:
@@ -167,8 +154,7 @@ def polygon_count(hull: TriangleMesh) -> int:
 
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:
     """Unit normals (m, 3), and which triangles are big enough to have one."""
-    a, b, c = np.moveaxis(hull.corners, 1, 0)
-    normal = cross(b - a, c - a)
+    normal = spanned(hull.corners)
     size = np.linalg.norm(normal, axis=1)
     solid = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
     return normal / np.where(solid, size, 1.0)[:, None], solid
@@ -208,15 +194,15 @@ def _middle(points: Array) -> Array:
     return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0, dtype=np.float64)
 
 
-def _outward(points: Array, hull: ConvexHull) -> TriangleMesh:
+def _hull_of(points: Array, subject: str) -> TriangleMesh:
     """The hull's triangles over its own vertices, outward, in canonical order."""
+    hull = _qhull(points, subject)
     used = np.sort(np.asarray(hull.vertices, dtype=np.int64))
     number = np.full(len(points), -1, dtype=np.int64)
     number[used] = np.arange(len(used))
     faces: Indices = number[np.asarray(hull.simplices, dtype=np.int64)]
     vertices = points[used]
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    inward = np.einsum("ij,ij->i", cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    inward = np.einsum("ij,ij->i", spanned(vertices[faces]), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, ::-1]
     start = np.argmin(faces, axis=1)[:, None] + np.arange(3)
     faces = np.take_along_axis(faces, start % 3, axis=1)

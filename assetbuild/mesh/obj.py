@@ -43,17 +43,13 @@ def obj_bytes(mesh: TriangleMesh) -> bytes:
     """
     blocks = [_lines("v %r %r %r\n", mesh.vertices + 0.0)]
     columns = [mesh.faces + 1]
-    pattern = "%d"
-    if mesh.uv is not None:
-        text, index = _corner_table("vt %r %r\n", mesh.uv)
-        blocks.append(text)
-        columns.append(index + 1)
-        pattern += "/%d"
-    if mesh.normals is not None:
-        text, index = _corner_table("vn %r %r %r\n", mesh.normals)
-        blocks.append(text)
-        columns.append(index + 1)
-        pattern += "/%d" if mesh.uv is not None else "//%d"
+    for line, values in (("vt %r %r\n", mesh.uv), ("vn %r %r %r\n", mesh.normals)):
+        if values is not None:
+            rows = values.reshape(-1, values.shape[2]) + 0.0
+            first, number = first_seen(rows)
+            blocks.append(_lines(line, rows[first]))
+            columns.append(number.reshape(-1, 3) + 1)
+    pattern = ("//" if mesh.uv is None else "/").join(["%d"] * len(columns))
     corners = np.stack(columns, axis=2).reshape(len(mesh.faces), -1)
     blocks.append(_lines(f"f {pattern} {pattern} {pattern}\n", corners))
     return "".join(blocks).encode("ascii")
@@ -184,13 +180,6 @@ def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:
         chunk = rows[start : start + CHUNK]
         parts.append((pattern * len(chunk)) % tuple(chunk.ravel().tolist()))
     return "".join(parts)
-
-
-def _corner_table(pattern: str, values: Array) -> tuple[str, Indices]:
-    """Distinct rows of per-corner values (m, 3, k) as text, and their index (m, 3)."""
-    rows = values.reshape(-1, values.shape[2]) + 0.0
-    first, number = first_seen(rows)
-    return _lines(pattern, rows[first]), number.reshape(-1, 3)
 
 
 def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: str) -> Array:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import re
 import warnings
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +41,12 @@ def png_of(data: bytes, name: str) -> bytes:
     except Exception as error:  # pillow's readers raise many kinds on broken files
         raise ValueError(f"{type(error).__name__}: {one_line(error, 120)}") from error
     return encoded(image, name)
+
+
+def picture_name(stated: str, png: bytes) -> str:
+    """What a bundle calls a picture: by the name that the source states and by its content."""
+    stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(stated).stem)
+    return f"{stem}-{hashlib.sha256(png).hexdigest()[:8]}.png"
 
 
 def mean_colour(png: bytes) -> tuple[float, float, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
 from assetbuild.robot.pose import Array, Pose, vec3
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere, sizes_of
 
 BY_NAME: dict[str, type[Primitive]] = {
     kind.__name__: kind for kind in (Box, Sphere, Cylinder, Capsule)
@@ -22,11 +21,6 @@ Fitted = tuple[Primitive, Pose]
 """A primitive, and X_frame_primitive."""
 SEGMENTS = 64
 """Corners of a tessellated circle: the polygon misses 0.12 % of the radius."""
-
-
-def sizes_of(primitive: Primitive) -> tuple[float, ...]:
-    """Edges of a box, else radius and length, m."""
-    return primitive.size if isinstance(primitive, Box) else astuple(primitive)
 
 
 def resized(kind: type[Primitive], sizes: Sequence[float] | Array) -> Primitive:
@@ -40,15 +34,15 @@ def signed_distance(primitive: Primitive, points: Array) -> Array:
     if isinstance(primitive, Sphere):
         return np.asarray(np.linalg.norm(points, axis=1) - primitive.radius)
     if isinstance(primitive, Box):
-        return _outside(np.abs(points) - np.asarray(primitive.size) / 2.0)
+        return from_faces(np.abs(points) - np.asarray(primitive.size) / 2.0)
     height = np.abs(points[:, 2]) - primitive.length / 2.0
     radial = np.hypot(points[:, 0], points[:, 1])
     if isinstance(primitive, Capsule):
         return np.asarray(np.hypot(radial, np.maximum(height, 0.0)) - primitive.radius)
-    return _outside(np.column_stack([radial - primitive.radius, height]))
+    return from_faces(np.column_stack([radial - primitive.radius, height]))
 
 
-def _outside(beyond: Array) -> Array:
+def from_faces(beyond: Array) -> Array:
     """Distance to an axis-aligned body from how far each coordinate is beyond its faces."""
     apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     return np.asarray(apart + np.minimum(beyond.max(axis=1), 0.0))
@@ -78,10 +72,25 @@ def distance_slopes(primitive: Primitive, points: Array) -> tuple[Array, Array]:
 
 
 def _towards(beyond: Array) -> Array:
-    """The slope of `_outside`, (n, k): outside to the nearest corner, inside to a face."""
+    """The slope of `from_faces`, (n, k): outside to the nearest corner, inside to a face."""
     outside = unit_vectors(np.maximum(beyond, 0.0))
     face = np.eye(beyond.shape[1])[np.argmax(beyond, axis=1)]
     return np.where((beyond > 0.0).any(axis=1, keepdims=True), outside, face)
+
+
+def half_height(primitive: Primitive, up: Array) -> float:
+    """How far a primitive reaches from its centre towards `up`, m: its support function.
+
+    up: (3,) unit vector in the frame of the primitive.
+    """
+    if isinstance(primitive, Sphere):
+        return primitive.radius
+    if isinstance(primitive, Box):
+        return float(np.abs(up) @ np.asarray(primitive.size)) / 2
+    along = abs(float(up[2])) * primitive.length / 2
+    if isinstance(primitive, Capsule):
+        return along + primitive.radius
+    return along + primitive.radius * float(np.hypot(up[0], up[1]))
 
 
 def volume_of(primitive: Primitive) -> float:
@@ -95,7 +104,6 @@ def volume_of(primitive: Primitive) -> float:
     return tube + ball if isinstance(primitive, Capsule) else tube
 
 
-@functools.lru_cache(maxsize=256)
 @functools.lru_cache(maxsize=256)
 def tessellate(primitive: Primitive) -> TriangleMesh:
     """A closed convex mesh, inscribed: its vertices lie on the primitive's surface."""

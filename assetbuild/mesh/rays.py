@@ -1,4 +1,4 @@
-"""Parallel rays through a mesh: what they strike, and grids of them from six sides.
+"""Parallel rays through a mesh: what they strike, and holes seen by grids of them.
 
 Everything that asks for rays asks for families of parallel ones, so the triangles are laid out in
 the plane across them and a ray is a point there. Plain float64 sums, one at a time: the same bytes
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.pose import Array, Vec3, vec3
+from assetbuild.robot.pose import Array
 
 Indices = NDArray[np.int64]
 Ends = tuple[Array, Array]
@@ -49,46 +49,32 @@ class Across:
         """Lay the corners out, (m, 3) each: x and y across the rays, z along."""
         self._axes = _axes(np.asarray(direction, dtype=np.float64))
         points = (along(mesh.vertices, axis) for axis in self._axes)
-        self._corners = tuple(values[mesh.faces] for values in points)
+        self._x, self._y, self._z = (values[mesh.faces] for values in points)
+        self.across, self.up = _ends(self._x), _ends(self._y)
 
     def strike(self, origins: Array) -> Struck:
         """All that rays from origins (n, 3) strike ahead of them and behind, m."""
         x, y, z = (along(origins, axis) for axis in self._axes)
-        cells = _Cells(x, y, self._bounds, len(self._corners[0]))
-        near = cells.met(*self._boxes)
-        seen = _Triangles(*(values[near] for values in self._corners))
-        rays, faces = cells.pairs(seen)
+        rays, faces = _Cells(x, y, self).pairs(self)
         hits = [np.zeros(0, dtype=np.int64)]
         for start in range(0, len(rays), AT_ONCE):
             part = slice(start, start + AT_ONCE)
-            hits.append(start + np.flatnonzero(seen.cover(x, y, rays[part], faces[part])))
+            hits.append(start + np.flatnonzero(self._cover(x, y, rays[part], faces[part])))
         hit = np.concatenate(hits)
         rays, faces = rays[hit], faces[hit]
-        depth = seen.height(x[rays], y[rays], faces) - z[rays]
+        depth = self._height(x[rays], y[rays], faces) - z[rays]
         order = np.lexsort((depth, rays))
-        return Struck(rays[order], depth[order], (seen.slopes[2][faces] < 0.0)[order])
+        return Struck(rays[order], depth[order], (self._slopes[2][faces] < 0.0)[order])
 
     @cached_property
-    def _boxes(self) -> tuple[Ends, Ends]:
-        """((least, greatest) x, (least, greatest) y) of each triangle."""
-        return _ends(self._corners[0]), _ends(self._corners[1])
-
-    @cached_property
-    def _bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[Array, Array]:
         """(2,) corners of the picture."""
-        lower = np.array([least.min(initial=np.inf) for least, _ in self._boxes])
-        return lower, np.array([most.max(initial=-np.inf) for _, most in self._boxes])
-
-
-class _Triangles:
-    """Those that rays may strike. x, y, z: (m, 3) of their corners, z along the rays."""
-
-    def __init__(self, x: Array, y: Array, z: Array) -> None:
-        self._x, self._y, self._z = x, y, z
-        self.across, self.up = _ends(x), _ends(y)
+        lower = np.array([least.min(initial=np.inf) for least, _ in (self.across, self.up)])
+        upper = np.array([most.max(initial=-np.inf) for _, most in (self.across, self.up)])
+        return lower, upper
 
     @cached_property
-    def slopes(self) -> tuple[Array, Array, Array]:
+    def _slopes(self) -> tuple[Array, Array, Array]:
         """(dz/dx, dz/dy, the normal's part along the rays) of each triangle; edge-on: 0."""
         x, y, z = self._x, self._y, self._z
         ax, ay, az = (v[:, 1] - v[:, 0] for v in (x, y, z))
@@ -97,9 +83,9 @@ class _Triangles:
         safe = np.where(normal != 0.0, normal, 1.0)
         return -(ay * bz - az * by) / safe, -(az * bx - ax * bz) / safe, normal
 
-    def height(self, x: Array, y: Array, faces: Indices) -> Array:
+    def _height(self, x: Array, y: Array, faces: Indices) -> Array:
         """Of the triangles' planes at points of the picture, along the rays; m."""
-        along_x, along_y, _ = self.slopes
+        along_x, along_y, _ = self._slopes
         apart_x, apart_y = x - self._x[faces, 0], y - self._y[faces, 0]
         height: Array = self._z[faces, 0] + along_x[faces] * apart_x + along_y[faces] * apart_y
         return height
@@ -122,7 +108,7 @@ class _Triangles:
             np.where(up, *high[::-1]),
         )
 
-    def cover(self, x: Array, y: Array, rays: Indices, faces: Indices) -> NDArray[np.bool_]:
+    def _cover(self, x: Array, y: Array, rays: Indices, faces: Indices) -> NDArray[np.bool_]:
         """Which triangles lie over their point: an odd number of edges to the right of it."""
         low_x, low_y, high_x, high_y = (values[faces] for values in self._edges)
         at_x, at_y = x[rays, None], y[rays, None]
@@ -150,16 +136,13 @@ class _Triangles:
 
 
 class _Cells:
-    """Rays, sorted into the cells of a picture.
+    """Rays through points x, y (n,), sorted into the cells of a picture."""
 
-    x, y: (n,); bounds: lower and upper corner of the picture of so many triangles.
-    """
-
-    def __init__(self, x: Array, y: Array, bounds: tuple[Array, Array], triangles: int) -> None:
-        self._lower, upper = bounds
+    def __init__(self, x: Array, y: Array, triangles: Across) -> None:
+        self._lower, upper = triangles.bounds
         inside = (x >= self._lower[0]) & (x <= upper[0]) & (y >= self._lower[1]) & (y <= upper[1])
         self._rays = np.flatnonzero(inside)
-        wanted = min(CELLS * len(self._rays), triangles)
+        wanted = min(CELLS * len(self._rays), len(triangles.up[0]))
         self._side = int(np.clip(wanted**0.5, LEAST_CELLS, MOST_CELLS))
         self._size = np.maximum(upper - self._lower, 1e-300) / self._side
         cells = self._row(y[self._rays]) * self._side + self._column(x[self._rays])
@@ -173,20 +156,7 @@ class _Cells:
     def _row(self, y: Array) -> Indices:
         return _cell(y, self._lower[1], self._size[1], self._side)
 
-    def met(self, across: Ends, up: Ends) -> Indices:
-        """Numbers of the triangles whose box shares a cell with a ray: no other can be struck."""
-        table = np.zeros((self._side + 1, self._side + 1), dtype=np.int64)
-        counts = self._counts.reshape(self._side, self._side)
-        table[1:, 1:] = counts.cumsum(axis=0).cumsum(axis=1)
-        flat, width = table.ravel(), self._side + 1
-        near = NEAR * self._size[0]
-        left, right = self._column(across[0] - near), self._column(across[1] + near)
-        below, above = self._row(up[0]) * width, (self._row(up[1]) + 1) * width
-        rays = flat[above + right + 1] - flat[above + left]
-        rays -= flat[below + right + 1] - flat[below + left]
-        return np.flatnonzero(rays)
-
-    def pairs(self, triangles: _Triangles) -> tuple[Indices, Indices]:
+    def pairs(self, triangles: Across) -> tuple[Indices, Indices]:
         """(rays, triangles) that share a cell, by the numbers of both."""
         first = self._row(triangles.up[0])
         rows = self._row(triangles.up[1]) - first + 1
@@ -237,26 +207,6 @@ def _within(counts: Indices) -> Indices:
     return indices
 
 
-def grids(mesh: TriangleMesh, rows: int, reach: float) -> list[tuple[Array, Array]]:
-    """(direction (3,), origins (rows², 3)) of six square grids with edges of `reach`, m.
-
-    Along the axes and the principal axes of the vertices, each from `reach` before the middle.
-    """
-    lower, upper = mesh.bounds
-    middle = (lower + upper) / 2.0
-    spread = mesh.vertices - mesh.vertices.mean(axis=0)
-    principal = np.linalg.eigh(spread.T @ spread)[1].T
-    across = (np.arange(rows) + 0.5) / rows * reach - reach / 2.0
-    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
-    views = []
-    for direction in np.concatenate([np.eye(3), principal]):
-        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-        first /= np.linalg.norm(first)
-        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
-        views.append((direction, origins))
-    return views
-
-
 def missed(origins: Array, view: Across) -> NDArray[np.bool_]:
     """(n,) which rays from origins (n, 3) strike no triangle ahead of them."""
     free = np.ones(len(origins), dtype=bool)
@@ -271,45 +221,30 @@ LEAST = 8
 """Rays: less is a slit between parts. A round hole of a twentieth of the size has as many."""
 
 
-@dataclass(frozen=True)
-class Hole:
-    """A way through, with mesh all around it when seen along `direction`.
+def widest_hole(mesh: TriangleMesh) -> float:
+    """Area in m2 of the widest way through, with mesh all around it; 0 = there is none.
 
-    middle_m: (3,) the point of its axis nearest to the middle of the mesh. open: the share of it
-    that the other geometry leaves.
+    Seen along the axes and the principal axes of the vertices. A notch is none: it is open on one
+    side.
     """
-
-    middle_m: Vec3
-    direction: Vec3
-    area_m2: float
-    open: float
-
-
-def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
-    """Holes of `seen`, largest first, and how `solid` leaves them; both in one frame, m.
-
-    Seen along the axes and the principal axes of the vertices; one hole may come up in several
-    directions. A notch is none: it is open on one side.
-    """
-    reach = 1.05 * seen.diagonal
-    if reach == 0.0:
-        return []
-    area_m2 = (reach / GRID) ** 2
-    openings = []
-    for direction, origins in grids(seen, GRID, reach):
-        patches = _enclosed(missed(origins, Across(seen, direction)))
-        if not patches:
-            continue
-        behind = Across(solid, direction)
-        for rays in patches:
-            left = float(missed(origins[rays], behind).mean())
-            at = vec3(origins[rays].mean(axis=0) + reach * direction)
-            openings.append(Hole(at, vec3(direction), len(rays) * area_m2, left))
-    return sorted(openings, key=lambda hole: -hole.area_m2)
+    reach = 1.05 * mesh.diagonal
+    lower, upper = mesh.bounds
+    middle = (lower + upper) / 2.0
+    spread = mesh.vertices - mesh.vertices.mean(axis=0)
+    principal = np.linalg.eigh(spread.T @ spread)[1].T
+    across = (np.arange(GRID) + 0.5) / GRID * reach - reach / 2.0
+    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
+    most = 0
+    for direction in np.concatenate([np.eye(3), principal]):
+        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+        first /= np.linalg.norm(first)
+        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
+        most = max(most, _enclosed(missed(origins, Across(mesh, direction))))
+    return float(most * (reach / GRID) ** 2)
 
 
-def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """Numbers of the rays of each patch that does not reach the edge of the picture."""
+def _enclosed(through: NDArray[np.bool_]) -> int:
+    """Rays of the largest patch that does not reach the edge of the picture; 0 = a slit at most."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -324,4 +259,4 @@ def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     at_edge = np.concatenate([number[[0, -1]].ravel(), number[:, [0, -1]].ravel()])
     sizes = np.bincount(patches)
     sizes[patches[at_edge]] = 0
-    return [np.flatnonzero(patches == patch) for patch in np.flatnonzero(sizes >= LEAST)]
+    return int(sizes.max()) if sizes.max() >= LEAST else 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
-from assetbuild.mesh.primitives import signed_distance, tessellate
+from assetbuild.mesh.primitives import from_faces, signed_distance, tessellate
 from assetbuild.mesh.rays import Across, Struck
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import IDENTITY, Array, Pose
@@ -101,7 +101,7 @@ def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
         outside = beyond_hull(convex_hull(solid))
     except StepError:  # flat: no inside
         lower, upper = solid.min(axis=0), solid.max(axis=0)
-        return lambda points: _beyond_box(lower, upper, X_solid_body.apply(points))
+        return lambda points: beyond_box(lower, upper, X_solid_body.apply(points))
     return lambda points: outside(X_solid_body.apply(points))
 
 
@@ -111,8 +111,6 @@ def beyond_hull(hull: TriangleMesh) -> Distance:
     return lambda points: beyond(planes, points)
 
 
-def _beyond_box(lower: Array, upper: Array, points: Array) -> Array:
-    """(n,) distance of each point from a box without inside; zero in it."""
-    apart = np.maximum(np.maximum(lower - points, points - upper), 0.0)
-    distance: Array = np.linalg.norm(apart, axis=1)
-    return distance
+def beyond_box(lower: Array, upper: Array, points: Array) -> Array:
+    """(n,) distance of each point from a box, m; zero in it."""
+    return np.maximum(from_faces(np.maximum(lower - points, points - upper)), 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,7 +96,7 @@ def verdict(
     tolerances: Tolerances,
     places: Sequence[Probe],
     max_hulls: int | None,
-    usual: Tolerances,
+    usual: Set[str],
 ) -> Iterator[Finding]:
     """All findings about the pieces of one mesh.
 
@@ -152,7 +152,7 @@ def _missed(
     quality: Quality,
     tolerances: Tolerances,
     max_hulls: int | None,
-    usual: Tolerances,
+    usual: Set[str],
 ) -> Iterator[Finding]:
     """One finding for all tolerances that are not met: by how much, and what to change.
 

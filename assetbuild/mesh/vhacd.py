@@ -44,31 +44,28 @@ def vhacd_parts(
     max_hulls is a budget that V-HACD nearly always uses up and never exceeds.
     """
 
-    return run_apart(lambda: _parts(mesh, options, max_hulls, max_vertices), limits)
+    def parts() -> Iterator[TriangleMesh]:
+        import vhacdx
 
+        # A flat list 3, a, b, c, 3, a, b, c, ...: an (n, 3) array is misread without an error.
+        threes = np.full((len(mesh.faces), 1), 3, dtype=np.uint32)
+        padded = np.hstack([threes, mesh.faces.astype(np.uint32)]).ravel()
+        hulls = vhacdx.compute_vhacd(
+            np.ascontiguousarray(mesh.vertices),
+            padded,
+            maxConvexHulls=max_hulls,
+            resolution=options.resolution,
+            minimumVolumePercentErrorAllowed=options.min_volume_error,
+            maxRecursionDepth=options.max_depth,
+            shrinkWrap=options.shrink_wrap,
+            fillMode=options.fill,
+            maxNumVerticesPerCH=max_vertices,
+            asyncACD=False,
+            minEdgeLength=options.min_edge,
+            findBestPlane=options.best_plane,
+        )
+        for vertices, faces in hulls:
+            triangles = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+            yield TriangleMesh(np.asarray(vertices, dtype=np.float64).reshape(-1, 3), triangles)
 
-def _parts(
-    mesh: TriangleMesh, options: VHacdOptions, max_hulls: int, max_vertices: int
-) -> Iterator[TriangleMesh]:
-    import vhacdx
-
-    # A flat list 3, a, b, c, 3, a, b, c, ...: an (n, 3) array is misread without an error.
-    threes = np.full((len(mesh.faces), 1), 3, dtype=np.uint32)
-    padded = np.hstack([threes, mesh.faces.astype(np.uint32)]).ravel()
-    hulls = vhacdx.compute_vhacd(
-        np.ascontiguousarray(mesh.vertices),
-        padded,
-        maxConvexHulls=max_hulls,
-        resolution=options.resolution,
-        minimumVolumePercentErrorAllowed=options.min_volume_error,
-        maxRecursionDepth=options.max_depth,
-        shrinkWrap=options.shrink_wrap,
-        fillMode=options.fill,
-        maxNumVerticesPerCH=max_vertices,
-        asyncACD=False,
-        minEdgeLength=options.min_edge,
-        findBestPlane=options.best_plane,
-    )
-    for vertices, faces in hulls:
-        triangles = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
-        yield TriangleMesh(np.asarray(vertices, dtype=np.float64).reshape(-1, 3), triangles)
+    return run_apart(parts, limits)

@@ -293,32 +293,41 @@ def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -
 
     In a process of its own.
     """
-    need(renderer)
-    stage = Stage(loaded(scene, repaired=not explained))
+    stage = staged(scene, renderer, repaired=not explained)
 
-    def work() -> tuple[()]:
-        size, radius = (LONG, LONG), stage.size / 2.0
-        with studio(renderer, stage.model, size, stage.middle, radius, stage.lowest) as opened:
-            hero = stage.hero(opened)
-            write(folder / HERO, hero)
-            if not explained:
-                write(folder / THUMBNAIL, _thumbnail(hero))
-                return ()
-            for name, pixels in stage.others(opened):
-                write(folder / name, pixels)
-        return ()
+    def work(opened: Studio) -> None:
+        hero = stage.hero(opened)
+        write(folder / HERO, hero)
+        if not explained:
+            write(folder / THUMBNAIL, _thumbnail(hero))
+            return
+        for name, pixels in stage.others(opened):
+            write(folder / name, pixels)
 
-    drawing(renderer, work)
+    on_stage(stage, renderer, LONG, stage.size / 2.0, work)
 
 
-def need(renderer: str) -> None:
-    """StepError where nothing can be drawn."""
+def staged(scene: Path, renderer: str, *, repaired: bool = False) -> Stage:
+    """The robot of a scene. StepError where nothing can be drawn. repaired: as `loaded`."""
     if renderer == "none":
         raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
+    return Stage(loaded(scene, repaired=repaired))
 
 
-def drawing(renderer: str, work: Callable[[], tuple[()]]) -> None:
-    """Draw in a process of its own. StepError where a driver fails."""
+def on_stage(
+    stage: Stage, renderer: str, side: int, radius: float, draw: Callable[[Studio], None]
+) -> None:
+    """Draw in a process of its own. StepError where a driver fails.
+
+    side: the most pixels along one of a frame; radius: m, half of the size of what is shown.
+    """
+
+    def work() -> tuple[()]:
+        around = stage.middle, radius, stage.lowest
+        with studio(renderer, stage.model, (side, side), *around) as opened:
+            draw(opened)
+        return ()
+
     try:
         run_apart(work, DRAWING)
     except NativeError as error:

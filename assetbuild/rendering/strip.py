@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.rendering.render import Stage, directions, drawing, fitted, loaded, need, write
-from assetbuild.rendering.studio import BACKGROUND, Pixels, Shot, Studio, studio
+from assetbuild.rendering.render import Stage, directions, fitted, on_stage, staged, write
+from assetbuild.rendering.studio import BACKGROUND, Pixels, Shot, Studio
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 
@@ -43,18 +43,14 @@ def draw_strip(
     scene: Path, rows: Mapping[str, Sequence[Moment]], file: Path, renderer: str
 ) -> None:
     """Write a PNG of moments, a row for each name. The camera goes along. StepError."""
-    need(renderer)
-    stage = Stage(loaded(scene))
-    size, radius = (FINER * ACROSS, FINER * ACROSS), ROOM * stage.size
+    stage = staged(scene, renderer)
     start = np.array(stage.data.xpos[1])
 
-    def work() -> tuple[()]:
-        with studio(renderer, stage.model, size, stage.middle, radius, stage.lowest) as opened:
-            drawn = [_row(stage, opened, start, *row) for row in rows.items()]
-            write(file, np.concatenate(drawn))
-        return ()
+    def draw(opened: Studio) -> None:
+        drawn = [_row(stage, opened, start, *row) for row in rows.items()]
+        write(file, np.concatenate(drawn))
 
-    drawing(renderer, work)
+    on_stage(stage, renderer, FINER * ACROSS, ROOM * stage.size, draw)
 
 
 def _row(

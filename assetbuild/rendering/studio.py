@@ -145,12 +145,13 @@ class Studio:
         flags[mj.mjtRndFlag.mjRND_SHADOW.value] = 0
         flags[mj.mjtRndFlag.mjRND_SEGMENT.value] = 1
         flags[mj.mjtRndFlag.mjRND_IDCOLOR.value] = 1
-        half = replace(shot, width=shot.width // 2, height=shot.height // 2)
+        half = replace(shot, width=-(-shot.width // 2), height=-(-shot.height // 2))
         red, green, blue = np.moveaxis(self._drawn(half).astype(np.uint32), 2, 0)
         geoms = self._scene.geoms[: self._scene.ngeom]
         floors = [0, *(1 + geom.segid for geom in geoms if _is_plane(geom))]
         found = np.isin(red | green << 8 | blue << 16, np.array(floors, dtype=np.uint32))
-        return found.repeat(2, axis=0).repeat(2, axis=1)
+        whole: NDArray[np.bool_] = found.repeat(2, axis=0).repeat(2, axis=1)
+        return whole[: shot.height, : shot.width]
 
     def _arrange(self, data: Data, shot: Shot) -> None:
         option = mj.MjvOption()

@@ -13,7 +13,7 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.again.files import rows_of
 from assetbuild.facts.again.row import NotParsedError, groups
 from assetbuild.facts.compare import Difference, differences, value_text
-from assetbuild.facts.table import Key, Table
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
 from assetbuild.report.sides import DERIVED, ROBOT, Form, Side
 from assetbuild.report.tables import markdown_table, table
@@ -212,10 +212,14 @@ def _change(item: Difference, form: str) -> Change:
         return Change(item.rank, (subject,), "exists", *_exists(item.what == "missing"), "", forms)
     unit = item.quantity.unit if item.quantity else ""
     rank, note = judge(item)
-    old, new = value_text(item.before, unit), value_text(item.after, unit)
-    if old == new:
-        old, new = value_text(item.before, unit, 17), value_text(item.after, unit, 17)
+    old, new = _texts(item.before, item.after, unit)
     return Change(rank, (subject,), item.key.quantity, old, new, note, forms)
+
+
+def _texts(old: Value, new: Value, unit: str = "") -> list[str]:
+    """Both values for people, with as many digits as tell them apart."""
+    few, all_digits = ([value_text(v, unit, digits) for v in (old, new)] for digits in (6, 17))
+    return few if few[0] != few[1] else all_digits
 
 
 def judge(item: Difference) -> tuple[Rank, str]:
@@ -240,8 +244,7 @@ def judge(item: Difference) -> tuple[Rank, str]:
 def _verdict(before: Side, after: Side) -> Iterator[Change]:
     if None not in (before.ready, after.ready) and before.ready != after.ready:
         rank: Rank = "CRITICAL" if before.ready else "MEDIUM"
-        texts = ("yes", "no") if before.ready else ("no", "yes")
-        yield Change(rank, ("robot",), "ready for training", *texts)
+        yield Change(rank, ("robot",), "ready for training", *_exists(before.ready is True))
 
 
 def _findings(before: Side, after: Side) -> Iterator[Change]:
@@ -311,9 +314,7 @@ def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
         return
     for same in groups(rows):
         first = same[0]
-        old, new = value_text(first.expected), value_text(first.found)
-        if old == new:
-            old, new = value_text(first.expected, digits=17), value_text(first.found, digits=17)
+        old, new = _texts(first.expected, first.found)
         names = (row.subject if row.kind != "file" else "" for row in same)
         subjects = dict.fromkeys(subject or f"file {path}" for subject in names)
         yield Change(rank, tuple(subjects), first.attribute, old, new, path)

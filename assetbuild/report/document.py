@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from assetbuild._version import __version__
@@ -46,7 +46,7 @@ class Report:
         return {
             "robot": self.robot,
             "assetbuild": __version__,
-            "verdict": self.verdict.to_json(),
+            "verdict": asdict(self.verdict),
             "findings": [finding.to_json() for finding in self.findings],
             "checks": {
                 name: {"status": check.status, "figures": dict(check.figures)}
@@ -70,7 +70,7 @@ def make_report(
     commands: trainer -> the command with which it tries the bundle.
     """
     placed = [f if f.where else f.at(locate(f.subject)) for f in _once(findings)]
-    remarks = [f.at(locate(f.subject)) for f in (*_unused(placed, waivers), *_renamed(waivers))]
+    remarks = [f.at(locate(f.subject)) for f in _remarks(placed, waivers)]
     final = worst_first(_traced([_waived(f, waivers) for f in placed]) + remarks)
     return Report(robot, judge(final, checks, commands), tuple(final), checks)
 
@@ -120,22 +120,15 @@ def _waived(finding: Finding, waivers: Mapping[str, Waiver]) -> Finding:
     return replace(finding, severity=waiver.severity, data=data)
 
 
-def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[Finding]:
+def _remarks(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> Iterator[Finding]:
+    """What is said of rules that the recipe changes by their old names, or in vain."""
     rules = {finding.rule for finding in findings}
-    hint = "remove it, or check its spelling"
-    return [
-        UNUSED(
-            f"recipe rules.{rule}", f"the recipe changes rule `{rule}`, which found nothing", hint
-        )
-        for rule in waivers
-        if rule not in rules and rule not in RENAMED
-    ]
-
-
-def _renamed(waivers: Mapping[str, Waiver]) -> Iterator[Finding]:
-    """What the rules are called now that the recipe changes by their old names."""
-    for old in waivers:
-        if old in RENAMED:
-            new = dict.fromkeys(f"`{pattern.partition(' ')[0]}`" for pattern in RENAMED[old])
-            message = f"rule `{old}` is called {', '.join(new)} now"
-            yield OLD_NAME(f"recipe rules.{old}", message, "write the new name")
+    for rule in waivers:
+        subject = f"recipe rules.{rule}"
+        if rule in RENAMED:
+            new = dict.fromkeys(f"`{pattern.partition(' ')[0]}`" for pattern in RENAMED[rule])
+            message = f"rule `{rule}` is called {', '.join(new)} now"
+            yield OLD_NAME(subject, message, "write the new name")
+        elif rule not in rules:
+            message = f"the recipe changes rule `{rule}`, which found nothing"
+            yield UNUSED(subject, message, "remove it, or check its spelling")

@@ -10,9 +10,8 @@ import functools
 import json
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -128,13 +127,12 @@ def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
     }
 
 
-def _by_rule(findings: Iterator[Finding]) -> list[Box]:
+def _by_rule(findings: Iterable[Finding]) -> list[Box]:
     """One box for each rule, in order of the worst."""
-    all_findings = list(findings)
-    order = list(dict.fromkeys((f.severity, f.rule) for f in all_findings))
-    ordered = sorted(all_findings, key=lambda f: order.index((f.severity, f.rule)))
-    grouped = groupby(ordered, key=lambda f: (f.severity, f.rule))
-    return [(severity, rule, list(same)) for (severity, rule), same in grouped]
+    boxes: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        boxes.setdefault((finding.severity, finding.rule), []).append(finding)
+    return [(severity, rule, same) for (severity, rule), same in boxes.items()]
 
 
 def _count(boxes: Sequence[Box]) -> int:

@@ -114,12 +114,11 @@ def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # A
 def _read(reader: Reader, file: Path, bundle: Path) -> Table:
     try:
         return reader.read(file)
-    except AssetBuildError as error:
-        inside = file.relative_to(bundle)
-        raise UsageError(f"{inside}: {error.message}", hint=error.hint) from None
-    except BROKEN as error:  # a file may hold anything
-        inside = file.relative_to(bundle)
-        raise UsageError(f"{inside}: {type(error).__name__}: {error}") from None
+    except (AssetBuildError, *BROKEN) as error:  # a file may hold anything
+        why, hint = f"{type(error).__name__}: {error}", ""
+        if isinstance(error, AssetBuildError):
+            why, hint = error.message, error.hint
+        raise UsageError(f"{file.relative_to(bundle)}: {why}", hint=hint) from None
 
 
 def _json(file: Path, bundle: Path) -> dict[str, Any]:  # Any: plain JSON

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from assetbuild.findings import Finding, Rule, is_consequence
@@ -89,14 +89,6 @@ class Verdict:
     physics: Physics
     trainers: Mapping[str, Trainer]
     not_tried: Mapping[str, str]
-
-    def to_json(self) -> dict[str, object]:
-        """The content of `verdict` in `report.json`."""
-        return asdict(self) | {
-            "blocked_by": list(self.blocked_by),
-            "trainers": {name: asdict(one) for name, one in self.trainers.items()},
-            "not_tried": dict(self.not_tried),
-        }
 
 
 BESIDE = "in the folder of the recipe, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Literal
 
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
@@ -41,6 +41,11 @@ class Capsule:
 
 
 Primitive = Box | Sphere | Cylinder | Capsule
+
+
+def sizes_of(primitive: Primitive) -> tuple[float, ...]:
+    """Edges of a box, else radius and length, m."""
+    return primitive.size if isinstance(primitive, Box) else astuple(primitive)
 
 
 @dataclass(frozen=True)

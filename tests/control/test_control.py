@@ -16,9 +16,9 @@ from robot_files import run_step
 from urdfs import read
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-from assetbuild.control.ground import half_height
 from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
+from assetbuild.mesh.primitives import half_height
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.actuators import RowError

@@ -9,7 +9,7 @@ from PIL import Image
 from robot_files import run_step
 from tiny import box_obj
 
-from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
+from assetbuild.geometry.assemble import Assemble, Use, called
 from assetbuild.plugin_types import ConvertedMesh, MeshPart, Piece, Pieces
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.pose import Pose
@@ -54,9 +54,9 @@ def test_a_mesh_that_two_links_share_is_one_file(tmp_path: Path):
         )
     )
     uses = tuple(
-        VisualUse(shape=f"{n}_v", folder="visual/leg", stem="leg") for n in ("left", "right")
+        Use(n, "visual", f"{n}_v", mesh="visual/leg", stem="leg") for n in ("left", "right")
     )
-    shapes, meshes = assembled(tmp_path, source, Assemble(visuals=uses, collisions=()))
+    shapes, meshes = assembled(tmp_path, source, Assemble(uses=uses))
     assert [s.name for s in shapes.shapes] == ["left_visual", "right_visual"]
     assert {s.geometry for s in shapes.shapes} == {Mesh(shapes.meshes[0].name)}
     assert all(s.X_link_shape == RAISED for s in shapes.shapes)
@@ -72,7 +72,7 @@ def test_a_part_keeps_its_own_colour_and_else_takes_the_description_s(tmp_path: 
     )
     silver = Material("silver", (0.7, 0.7, 0.8, 1.0))
     shape = SourceShape("a", "arm", "visual", MeshFile("arm.dae"), material="silver")
-    step = Assemble(visuals=(VisualUse(shape="a", folder="visual/arm", stem="arm"),), collisions=())
+    step = Assemble(uses=(Use("arm", "visual", "a", mesh="visual/arm", stem="arm"),))
     shapes, _ = assembled(tmp_path, SourceShapes((shape,), (silver, Material("unused"))), step)
     assert [s.name for s in shapes.shapes] == ["arm_visual1", "arm_visual2"]
     assert [s.material for s in shapes.shapes] == ["材质", "silver"]
@@ -84,8 +84,8 @@ def test_two_colours_of_one_name_stay_two_materials(tmp_path: Path):
         part = MeshPart("0.obj", 8, 12, "paint", rgba)
         converted(tmp_path / "in/visual" / name, (box_obj((1.0, 1.0, 1.0)), part))
     source = SourceShapes(tuple(SourceShape(n, n, "visual", MeshFile(f"{n}.dae")) for n in "ab"))
-    uses = tuple(VisualUse(shape=n, folder=f"visual/{n}", stem=n) for n in "ab")
-    shapes, _ = assembled(tmp_path, source, Assemble(visuals=uses, collisions=()))
+    uses = tuple(Use(n, "visual", n, mesh=f"visual/{n}", stem=n) for n in "ab")
+    shapes, _ = assembled(tmp_path, source, Assemble(uses=uses))
     assert [m.name for m in shapes.materials] == ["paint", "paint_2"]
     assert [s.material for s in shapes.shapes] == ["paint", "paint_2"]
     assert len(shapes.meshes) == 1  # the same geometry, in two colours
@@ -99,8 +99,8 @@ def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
     pieces = Pieces((Piece(Mesh("0.obj"), offset, 8, 12), Piece(Sphere(0.1))))
     (folder / "pieces.json").write_bytes(encode(pieces))
     source = SourceShapes((SourceShape("s", "foot", "collision", MeshFile("f.stl"), RAISED),))
-    use = CollisionUse(link="foot", shape="s", pieces="collision/hull", stem="foot")
-    shapes, _ = assembled(tmp_path, source, Assemble(visuals=(), collisions=(use,)))
+    use = Use("foot", "collision", "s", pieces="collision/hull", stem="foot")
+    shapes, _ = assembled(tmp_path, source, Assemble(uses=(use,)))
     assert [s.name for s in shapes.shapes] == ["foot_collision1", "foot_collision2"]
     assert shapes.shapes[0].X_link_shape == RAISED @ offset
     assert shapes.shapes[1].geometry == Sphere(0.1)
@@ -111,7 +111,7 @@ def test_links_that_hit_nothing_are_told(tmp_path: Path):
     shapes = tuple(SourceShape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "shapes.json").write_bytes(encode(SourceShapes(shapes)))
-    step = Assemble(visuals=(), collisions=(CollisionUse(link="foot", shape="foot"),))
+    step = Assemble(uses=(Use("foot", "collision", "foot"),))
     (finding,) = run_step(step, tmp_path / "in", tmp_path / "out")
     assert finding.rule == "collision.none"
     assert "`rotor`" in finding.message
@@ -122,8 +122,7 @@ def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
     """Shapes of an MJCF keep their names; two geoms of one name are refused by MuJoCo."""
     source = SourceShapes((SourceShape("lid", "box", "visual", Box((1.0, 1.0, 1.0))),))
     step = Assemble(
-        visuals=(VisualUse(shape="lid", named=True),),
-        collisions=(CollisionUse(link="box", shape="lid", named=True),),
+        uses=tuple(Use("box", role, "lid", named=True) for role in ("visual", "collision"))
     )
     shapes, _ = assembled(tmp_path, source, step)
     assert [(s.name, s.role) for s in shapes.shapes] == [
@@ -168,8 +167,9 @@ def test_a_texture_without_coordinates_gives_its_mean_colour(
     geometry = MeshFile("a.stl") if how == "mesh" else Box((1.0, 1.0, 1.0))
     material = Material("m", (1.0, 1.0, 1.0, 0.5), "m.png")
     shape = SourceShape("a", "arm", "visual", geometry, material="m")
-    use = VisualUse(shape="a", folder="visual/a" if how == "mesh" else None, named=named)
-    step = Assemble(visuals=(use,), collisions=(), textures=("m.png",))
+    folder = "visual/a" if how == "mesh" else None
+    use = Use("a", "visual", "a", mesh=folder, named=named)
+    step = Assemble(uses=(use,), textures=("m.png",))
     shapes, _ = assembled(tmp_path, SourceShapes((shape,), (material,)), step)
     mean = (1.0, 1.0, 1.0) if named else tuple(v / 2 / 255 for v in left)
     assert shapes.materials[0].rgba == pytest.approx((*mean, 0.5), abs=1e-6)
@@ -188,7 +188,7 @@ def test_a_material_that_the_mesh_overrules_is_said(
     shape = SourceShape("a", "arm", "visual", MeshFile("a.obj"), material=stated)
     source = SourceShapes((shape,), (Material("silver", (0.7, 0.7, 0.8, 1.0)),))
     (tmp_path / "in/shapes.json").write_bytes(encode(source))
-    step = Assemble(visuals=(VisualUse(shape="a", folder="visual/a"),), collisions=())
+    step = Assemble(uses=(Use("a", "visual", "a", mesh="visual/a"),))
     found = run_step(step, tmp_path / "in", tmp_path / "out")
     assert [f.rule for f in found if f.rule == "material.of_mesh"] == ["material.of_mesh"] * count
 
@@ -203,6 +203,6 @@ def test_a_texture_that_the_source_lacks_is_told(
     shape = SourceShape("a", "arm", "visual", Box((1.0, 1.0, 1.0)), material="m")
     source = SourceShapes((shape,), (Material("m", (1.0, 1.0, 1.0, 1.0), "m.png"),))
     (tmp_path / "in/shapes.json").write_bytes(encode(source))
-    step = Assemble(visuals=(VisualUse(shape="a"),), collisions=(), textures=listed)
+    step = Assemble(uses=(Use("a", "visual", "a"),), textures=listed)
     found = run_step(step, tmp_path / "in", tmp_path / "out")
     assert [f.rule for f in found if f.rule.startswith("texture.")] == rules

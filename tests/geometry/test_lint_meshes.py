@@ -109,8 +109,7 @@ def rods(tmp_path: Path, links: dict[str, tuple[bool, Vec3 | None]]) -> tuple[li
             joints.append(Joint(f"{above}_{name}", "revolute", above, name, pose, (1.0, 0.0, 0.0)))
     tree = Tree("r", "fixed", tuple(bodies), tuple(joints))
     drawn = SourceShapes(tuple(shapes))
-    finding = judge_up_axes(tree, drawn, records)
-    return [finding] if finding else [], set(meshes_to_turn(tree, drawn, records))
+    return [*judge_up_axes(tree, drawn, records)], set(meshes_to_turn(tree, drawn, records))
 
 
 TOP = (0.0, 0.0, 0.5)

@@ -16,12 +16,20 @@ from assetbuild.mesh.primitives import (
     distance_slopes,
     resized,
     signed_distance,
-    sizes_of,
     tessellate,
 )
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshAsset, Primitive, Shapes, Sphere
+from assetbuild.robot.shapes import (
+    Box,
+    Capsule,
+    Cylinder,
+    MeshAsset,
+    Primitive,
+    Shapes,
+    Sphere,
+    sizes_of,
+)
 
 
 def grid(n: int = 7) -> np.ndarray:

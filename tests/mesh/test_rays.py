@@ -124,7 +124,7 @@ def test_the_points_are_those_of_scipy(count, seed):
 
 
 def test_a_few_rays_strike_what_they_strike_among_many():
-    """Few rays look at the triangles near them alone: the same strikes, number by number."""
+    """They are sorted into other cells: the same strikes, number by number."""
     ball = tessellate(Sphere(0.5))
     while len(ball.faces) < 5000:
         ball = split(ball)

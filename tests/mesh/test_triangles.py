@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import (
     TriangleMesh,
-    _mixed,
     area,
     cleaned,
     drop_collapsed,
@@ -88,17 +87,6 @@ def test_vertices_are_numbered_by_first_appearance_and_unused_ones_go():
     mesh = weld(TriangleMesh(points, np.array([[2, 1, 3], [3, 4, 2]])))
     assert mesh.faces.tolist() == [[1, 0, 2], [2, 0, 1]]
     assert mesh.vertices.tolist() == [[1, 0, 0], [0, 0, 0], [0, 1, 0]]
-
-
-def test_two_rows_of_one_hash_stay_two():
-    first, other = np.array([[0.25, 0.5]]).view(np.uint64), np.uint64(0x3FF0000000000000)
-    before = _mixed(np.array([[first[0, 0]], [other]]))
-    collides = first[0, 1] ^ before[0] ^ before[1]
-    rows = np.array([[other, collides], first[0], first[0]], dtype=np.uint64)
-    assert len(set(_mixed(rows).tolist())) == 1
-    found, number = first_seen(rows.view(np.float64))
-    assert found.tolist() == [0, 1]
-    assert number.tolist() == [0, 1, 1]
 
 
 @given(st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 1e-300, np.pi])] * 3), max_size=40))

@@ -25,11 +25,10 @@ from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.rendering.lighten import lightened
 from assetbuild.rendering.plan import renderer
 from assetbuild.rendering.render import MARGIN, Render, draw_all, ellipsoid_points, fitted
 from assetbuild.rendering.studio import BACKGROUND
-from assetbuild.rendering.viewer import SPAN_M, Viewer, in_bytes, three_js
+from assetbuild.rendering.viewer import SPAN_M, Viewer, in_bytes, lightened, three_js
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose
@@ -72,8 +71,8 @@ def test_a_light_mesh_that_lost_a_part_is_not_taken(monkeypatch: pytest.MonkeyPa
     def half(mesh: TriangleMesh, *_: object) -> TriangleMesh:
         return TriangleMesh(mesh.vertices, mesh.faces[mesh.corners[:, :, 0].min(axis=1) > 0.0])
 
-    monkeypatch.setattr("assetbuild.rendering.lighten.clustered", half)
-    monkeypatch.setattr("assetbuild.rendering.lighten.simplified", half)
+    monkeypatch.setattr("assetbuild.rendering.viewer.clustered", half)
+    monkeypatch.setattr("assetbuild.rendering.viewer.simplified", half)
     assert lightened({"ball": BALL}, 2000) == {}
 
 

@@ -149,7 +149,7 @@ def test_the_report_holds_each_part_with_its_status_and_sentence():
     told = make_report("r", [fell], checks, {}, lambda _: "", COMMANDS).to_json()["verdict"]
     assert isinstance(told, dict)
     assert {"ready", "blocked_by", "next_step"} < told.keys()
-    assert (told["ready"], told["blocked_by"]) == (False, ["stand.fall"])
+    assert (told["ready"], told["blocked_by"]) == (False, ("stand.fall",))
     assert told["physics"]["status"] == "falls"
     assert told["physics"]["height_after_m"] == 0.16
     assert told["formats"]["status"] == "agree"
