@@ -13,10 +13,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from assetbuild.engine.digest import replace_file
 from assetbuild.engine.world import World
 from assetbuild.errors import LockError, MachineError, Where
-from assetbuild.recipe.loader import read_small_file, shown_path
+from assetbuild.recipe.loader import read_map, shown_path
 from assetbuild.recipe.source import PYPI_PATTERN, Sha256, Source
 from assetbuild.recipe.validation import locate, validated
-from assetbuild.recipe.yaml_tree import described, parse
 from assetbuild.recipe_types import Model
 
 _HEAD = "# Written by `assetbuild lock`; not meant to be edited\n"
@@ -98,13 +97,8 @@ def read_lock(path: Path, world: World | None = None) -> Lock | None:
     world = world or World()
     if not world.exists(path):
         return None
-    file = shown_path(path)
-    root = parse(read_small_file(path, file, LockError, world), file, LockError)
-    if not isinstance(root.value, dict):
-        hint = "write it anew with `assetbuild lock`"
-        message = f"expected a map at the top, found {described(root)}"
-        raise LockError(message, where=root.where, hint=hint)
-    return validated(Lock, root, LockError)
+    hint = "write it anew with `assetbuild lock`"
+    return validated(Lock, read_map(path, LockError, world, "a map at the top", hint), LockError)
 
 
 def lock_text(lock: Lock) -> str:
@@ -142,12 +136,10 @@ def write_lock(path: Path, lock: Lock) -> bool:
 
 def place_of_pin(path: Path) -> Where:
     """The line of the digest in a lock file; the file alone when it cannot be read."""
-    file = shown_path(path)
     try:
-        tree = parse(read_small_file(path, file, LockError), file, LockError)
+        return locate(read_map(path, LockError, None, "a map", ""), ("source", "sha256"))
     except LockError:
-        return Where(file)
-    return locate(tree, ("source", "sha256"))
+        return Where(shown_path(path))
 
 
 def check_pin(source: Source, lock: Lock, path: Path) -> None:

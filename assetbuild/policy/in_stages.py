@@ -17,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from assetbuild.engine.world import World as Files
 from assetbuild.errors import MachineError, StepError, UsageError
@@ -25,7 +26,7 @@ from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import Seen
-from assetbuild.robot.pose import Array, Pose, normalised_quat, rotation_of, vec3
+from assetbuild.robot.pose import Pose, normalised_quat, rotation_of, vec3
 from assetbuild.simulators import mujoco, newton, physx
 from assetbuild.simulators.experiments import CLEARANCE_M, Experiment, Outcome, standing
 from assetbuild.simulators.stages import perform_on_stages
@@ -66,7 +67,7 @@ def require(engine: str) -> None:
 
 
 class InStages:
-    """`usd/<robot>.usda` on a floor: see `replay.World`; a context manager.
+    """`usd/<robot>.usda` on a floor: a `replay.World`; a context manager.
 
     MachineError where the engine is not there; UsageError where the USD is not; StepError where the
     engine fails.
@@ -150,7 +151,7 @@ class InStages:
             place=place,
             quat=quat,
             linear=np.asarray(turn.T @ (place - np.array(root[:3]))) / self._dt,
-            angular=_turned(before.T @ turn) / self._dt,
+            angular=Rotation.from_matrix(before.T @ turn).as_rotvec() / self._dt,
             q=q,
             v={name: (value - joints[name]) / self._dt for name, value in q.items()},
         )
@@ -166,16 +167,6 @@ class InStages:
     def strain(self) -> tuple[float, float]:
         """These engines do not tell."""
         return float("nan"), float("nan")
-
-
-def _turned(turn: Array) -> Array:
-    """(3,) the rotation vector of a small turn, rad."""
-    off = (
-        np.array((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])) / 2.0
-    )
-    sine = float(np.linalg.norm(off))
-    angle = float(np.arctan2(sine, (np.trace(turn) - 1.0) / 2.0))
-    return off * (angle / sine) if sine > 0.0 else off
 
 
 def _experiment(bot: Bot, policy: Policy) -> Experiment:

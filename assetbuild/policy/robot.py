@@ -101,11 +101,8 @@ def bot_of(bundle: Path) -> Bot:
 
 def bot_from(folder: Path, name: str, tree: Tree, control: Control, imu: str | None) -> Bot:
     """A robot whose files lie in a folder as in a bundle. UsageError where nothing drives it."""
-    contract = next(iter(sorted(folder.glob(CONTRACT))), None)
-    bus: tuple[str, ...] = ()
-    if contract is not None:
-        stated = read_yaml(contract).get("orders", {}).get(BUS, ())
-        bus = tuple(name for name in stated if name in tree.by_joint)
+    stated = [read_yaml(contract).get("orders", {}) for contract in sorted(folder.glob(CONTRACT))]
+    bus = tuple(name for name in dict(*stated[:1]).get(BUS, ()) if name in tree.by_joint)
     known = {*tree.by_body, *(frame.name for frame in tree.frames)}
     orders = joint_orders(tree, bus)
     bot = Bot(folder, name, tree, control, orders, imu if imu in known else None)

@@ -82,9 +82,7 @@ def validated(
         valid = model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
         details = list(problem.errors(include_url=False, include_input=False))
-    placed = sorted(
-        (_find(raw, root) for raw in details), key=lambda p: (p.where.line, p.where.column)
-    )
+    placed = sorted((_find(raw, root) for raw in details), key=_in_file_order)
     known = whole() if whole and placed else model  # importing every plug-in takes long
     problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
     for one in _telling(problems, misnamed):
@@ -163,7 +161,7 @@ def _find(raw: Any, root: Node) -> _Place:  # Any: as above
     return _Place(raw, key, node, locate(root, key) if at_key else node.where)
 
 
-def _in_file_order(problem: _Place | _Problem) -> tuple[int, int, Key]:
+def _in_file_order(problem: _Place) -> tuple[int, int, Key]:
     key = tuple(str(part) for part in problem.key)
     return problem.where.line, problem.where.column, key
 
@@ -271,7 +269,7 @@ def _distinct(problems: list[_Problem]) -> list[_Problem]:
         known = by_key.setdefault(key, problem)
         if known is not problem and problem.message.startswith("expected "):
             by_key[key] = _either(known, problem)
-    return sorted(by_key.values(), key=_in_file_order)
+    return list(by_key.values())
 
 
 def _either(a: _Problem, b: _Problem) -> _Problem:
