@@ -34,7 +34,6 @@ class Libraries:
     def __init__(self, stamps: Stamps) -> None:
         self._folders = _metadata_folders()
         self._stamps = stamps
-        self._versions: dict[str, str] = {}
 
     def owners(self, module: str) -> tuple[str, ...]:
         """Distributions that install a top-level module; () for the standard library and others.
@@ -71,7 +70,7 @@ class Libraries:
             name = _normal(name)
             if name not in self._folders:
                 continue
-            versions[name] = self.version(name)
+            versions[name] = _version(self._folders[name])
             needs = _requirements(self._metadata(name)[1:], extra)
             fresh = [each for each in needs if each not in seen]
             seen.update(fresh)
@@ -82,20 +81,12 @@ class Libraries:
         """Whether a distribution is still installed in the version that it had."""
         return self._folders[name].exists()
 
-    def version(self, name: str) -> str:
-        """The version of an installed distribution, or `not installed`."""
-        folder = self._folders.get(_normal(name))
-        if folder is None:
-            return "not installed"
-        if name not in self._versions:
-            stem = folder.name.removesuffix(".dist-info")
-            _, dash, version = stem.partition("-")
-            self._versions[name] = (
-                version
-                if dash and stem != folder.name
-                else metadata.Distribution.at(folder).version
-            )
-        return self._versions[name]
+
+def _version(folder: Path) -> str:
+    stem = folder.name.removesuffix(".dist-info")
+    _, dash, version = stem.partition("-")
+    is_stated = dash and stem != folder.name
+    return version if is_stated else metadata.Distribution.at(folder).version
 
 
 def _normal(name: str) -> str:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from assetbuild.engine.questions import Question
 
-FORMAT = "assetbuild null 2"
+FORMAT = "assetbuild null 3"
 MADE = "="
 """Before the digest of a file that must be no link."""
 COUNT = "+"
@@ -285,14 +285,8 @@ def _count_below(folder: str) -> int:
 
 
 def _escape(text: str) -> str:
-    for plain, escaped in (("\\", "\\\\"), ("\n", "\\n"), ("\t", "\\t"), ("\r", "\\r")):
-        text = text.replace(plain, escaped)
-    return text
+    return text.encode("unicode_escape").decode("ascii")
 
 
 def _unescape(text: str) -> str:
-    parts = [
-        part.replace("\\n", "\n").replace("\\t", "\t").replace("\\r", "\r")
-        for part in text.split("\\\\")
-    ]
-    return "\\".join(parts)
+    return text.encode("ascii").decode("unicode_escape")

@@ -326,22 +326,15 @@ def machine_errors(place: Path, option: str = STORE_OPTION) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise machine_error(error, place, option) from error
-
-
-def machine_error(error: OSError, place: Path, option: str = STORE_OPTION) -> MachineError:
-    """The sentence for a failed write below `place`; `option` chooses another place."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return MachineError(
-            f"no space left on the disk that holds {place}",
-            hint=f"free some space, or choose another folder with {option}; nothing is lost",
-        )
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return MachineError(
-            f"no permission for `{error.filename or place}`",
-            hint=f"choose another folder with {option}",
-        )
-    return MachineError(f"{error.strerror or error}: `{error.filename or place}`")
+        file, hint = error.filename or place, f"choose another folder with {option}"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            hint = f"free some space, or {hint}; nothing is lost"
+            message = f"no space left on the disk that holds {place}"
+        elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+            message = f"no permission for `{file}`"
+        else:
+            message, hint = f"{error.strerror or error}: `{file}`", ""
+        raise MachineError(message, hint=hint) from error
 
 
 def files_below(folder: Path) -> list[Path]:

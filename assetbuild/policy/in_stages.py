@@ -33,21 +33,17 @@ from assetbuild.simulators.stages import perform_on_stages
 
 STARTS_S, STEPS_S = 180.0, 60.0
 """Wall-clock limits: until an engine has loaded the robot, and for one step of a policy."""
-Perform = Callable[[Path, list[Experiment]], Mapping[str, Outcome]]
+Perform = Callable[[Path, list[Experiment], float], Mapping[str, Outcome]]
 
 
-def _in_newton(main: Path, experiments: list[Experiment]) -> Mapping[str, Outcome]:
+def _in_newton(main: Path, experiments: list[Experiment], seconds: float) -> Mapping[str, Outcome]:
     def start(job: dict[str, object], folder: Path) -> str:
-        return newton.HOME.ask(newton.PROGRAM, job, folder, 3600.0)[1]
+        return newton.HOME.ask(newton.PROGRAM, job, folder, seconds)[1]
 
     return perform_on_stages(start, main, experiments)
 
 
-def _in_physx(main: Path, experiments: list[Experiment]) -> Mapping[str, Outcome]:
-    return physx.perform(main, experiments, 3600.0)
-
-
-ENGINES: Mapping[str, Perform] = {"newton": _in_newton, "physx": _in_physx}
+ENGINES: Mapping[str, Perform] = {"newton": _in_newton, "physx": physx.perform}
 
 
 def unavailable_reason(engine: str) -> str:
@@ -114,7 +110,7 @@ class InStages:
     def _work(self) -> None:
         """In a thread of its own, until the engine's process has ended."""
         try:
-            done = self._perform(self._main, [self._experiment])[self._experiment.name]
+            done = self._perform(self._main, [self._experiment], 3600.0)[self._experiment.name]
             self._failure = done.failure
         except (StepError, MachineError) as error:
             self._failure = error.message

@@ -27,11 +27,6 @@ WORDS = {
 NEEDED = ("joint_names", "default_joint_pos", "action_scale", "observation_names")
 
 
-def has_metadata(metadata: Mapping[str, str]) -> bool:
-    """Whether an ONNX file was written by mjlab's exporter."""
-    return "joint_names" in metadata and "observation_names" in metadata
-
-
 def read_metadata(path: Path, metadata: Mapping[str, str], bot: Bot) -> Policy:
     """UsageError for what the metadata lacks, or state of a robot with other joints."""
     for key in NEEDED:

@@ -22,7 +22,7 @@ from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.housekeeping import check
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store, machine_error
+from assetbuild.engine.store import Store, machine_errors
 from assetbuild.errors import AssetBuildError, MachineError
 from assetbuild.pipeline.publish import new_staging, publish
 
@@ -148,13 +148,12 @@ def fill(out: Path, content: str) -> None:
     """What a build does with a finished bundle; OSError is its caller's to name."""
     staging = new_staging(out)
     try:
-        (staging / "folder").mkdir()
-        for name in ("manifest.json", "a", "folder/b"):
-            with (staging / name).open("w") as file:
-                file.write("{}" if name == "manifest.json" else content)
-        publish(staging, out, {})
-    except OSError as error:
-        raise machine_error(error, out) from error
+        with machine_errors(out):
+            (staging / "folder").mkdir()
+            for name in ("manifest.json", "a", "folder/b"):
+                with (staging / name).open("w") as file:
+                    file.write("{}" if name == "manifest.json" else content)
+            publish(staging, out, {})
     finally:
         release(staging)
 
