@@ -144,17 +144,12 @@ def place_of_pin(path: Path) -> Where:
 
 def check_pin(source: Source, lock: Lock, path: Path) -> None:
     """LockError when the lock at `path` pins another source than the recipe names."""
-    where = Where(shown_path(path))
-    pin = lock.pins[0]
-    pinned = pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
-    if source.moving is None:
-        kind = "a folder" if source.path else "pinned in the recipe"
-        message = f"the lock pins {pinned}, but the recipe's source is {kind}"
-        raise LockError(message, where=where, hint="delete the lock")
     if lock.pin_of(source) is None:
+        pin = lock.pins[0]
+        pinned = pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
         raise LockError(
             f"the lock pins {pinned}, but the recipe names {source.moving}",
-            where=where,
+            where=Where(shown_path(path)),
             hint="run `assetbuild lock` to pin what the recipe names",
         )
 

@@ -65,8 +65,9 @@ def check(record: str, options: str) -> dict[str, object] | None:
     try:
         with open(record, encoding="utf-8", errors="surrogateescape", newline="") as file:
             text = file.read()
-        lines = _whole_lines(text)
-        if lines is None or lines[:3] != [FORMAT, identity(), _escape(options)]:
+        body, _, last = text.removesuffix("\n").rpartition("\n")
+        lines = body.split("\n")
+        if last != _crc(body) or lines[:3] != [FORMAT, identity(), _escape(options)]:
             return None
         noted = []
         for line in lines[4:]:
@@ -191,12 +192,6 @@ def identity() -> str:
             continue
         parts.append(f"{folder}={status.st_mtime_ns}:{status.st_ino}")
     return _escape(" ".join(parts))
-
-
-def _whole_lines(text: str) -> list[str] | None:
-    """The lines of a record without its last one, or None when the record is not whole."""
-    body, _, last = text.removesuffix("\n").rpartition("\n")
-    return body.split("\n") if last == _crc(body) else None
 
 
 def _crc(body: str) -> str:

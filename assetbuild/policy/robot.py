@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.facts.reference import Reference
+from assetbuild.facts.reference import Reference, robot_named
 from assetbuild.policy.stated import ByJoint, Policy, Term
 from assetbuild.policy.terms import unknown
 from assetbuild.robot.initial import initial_pose
@@ -95,7 +94,7 @@ def bot_of(bundle: Path) -> Bot:
     """The robot of a bundle. UsageError where there is none."""
     reference = Reference.of_bundle(bundle)
     imu = (reference.options.get("imu") or {}).get("link")
-    name = _named(bundle) or reference.tree.name
+    name = robot_named(bundle, reference.tree.name)
     return bot_from(bundle, name, reference.tree, reference.control, imu)
 
 
@@ -109,11 +108,3 @@ def bot_from(folder: Path, name: str, tree: Tree, control: Control, imu: str | N
     if not bot.driven:
         raise UsageError(f"{name}: no joint of the robot has a drive")
     return bot
-
-
-def _named(bundle: Path) -> str:
-    """The stem of the bundle's files, as its manifest has it."""
-    try:
-        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""
