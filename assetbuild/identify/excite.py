@@ -28,7 +28,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import above, at_key, follow, load
+from assetbuild.simulators.mujoco import above, at_key, follow, load, mj
 
 SWING, SWEEP, STEPS = 0.55, 0.3, 0.15
 """Shares of the amplitude."""
@@ -213,15 +213,13 @@ class Touch:
 
     def guilty(self, poses: Array) -> set[int]:
         """Numbers of joints that move one of two bodies that touch and not the other."""
-        import mujoco
-
         joints: set[int] = set()
         seen: set[tuple[int, int]] = set()
         for pose in poses:
             self.data.qpos[self._at] = pose
             follow(self.model, self.data)
-            mujoco.mj_kinematics(self.model, self.data)
-            mujoco.mj_collision(self.model, self.data)
+            mj.mj_kinematics(self.model, self.data)
+            mj.mj_collision(self.model, self.data)
             seen |= self._pairs() - self._always
         for a, b in seen:
             movers = self._movers(a) ^ self._movers(b)
