@@ -81,15 +81,12 @@ class Code:
         self._packages = Places()
         self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
         self._closures: dict[str, StepCode] = {}
-        self._codes: dict[type, StepCode] = {}
         self._lock = threading.Lock()
 
     def of(self, step: type) -> StepCode:
         """The code of a step class. MachineError when its source is not to be found."""
-        if step not in self._codes:
-            with self._lock:
-                self._codes[step] = self._code(step)
-        return self._codes[step]
+        with self._lock:
+            return self._code(step)
 
     def _code(self, step: type) -> StepCode:
         module = step.__module__
@@ -234,8 +231,7 @@ def _changed(what: str) -> MachineError:
 def _read(name: str, path: str) -> list[str]:
     """The digest, and what the file imports."""
     if "/" not in name and path.endswith(".py"):
-        digest, imports = read_module(name, path)
-        return [digest, *imports]
+        return read_module(name, path)
     return [digest_file(path)]
 
 
@@ -250,8 +246,8 @@ MUST = "!"
 """In the place of an imported name: the constant names the module or file, so it must be there."""
 
 
-def read_module(name: str, path: str) -> tuple[str, tuple[str, ...]]:
-    """Digest and imports of a module; see `engine.code`. OSError.
+def read_module(name: str, path: str) -> list[str]:
+    """The digest and the imports of a module; see `engine.code`. OSError.
 
     Comments, docstrings, blank lines, layout and `if TYPE_CHECKING:` do not change the digest, nor
     does `__version__`: whoever imports that leads to the bytes of the file that states it. A module
@@ -263,15 +259,15 @@ def read_module(name: str, path: str) -> tuple[str, tuple[str, ...]]:
     try:
         text = _text(ast.parse(data), leading)
     except (SyntaxError, ValueError, RecursionError):
-        return digest_bytes(data), ()
-    imports: list[str] = []
+        return [digest_bytes(data)]
+    imports: dict[str, None] = {}
     for node in leading:
         if isinstance(node, ast.Import | ast.ImportFrom):
-            imports += _imports(node, package)
+            imports |= dict.fromkeys(_imports(node, package))
         elif isinstance(node, ast.Assign | ast.AnnAssign):
-            imports += _stated(node, name, package)
+            imports |= dict.fromkeys(_stated(node, name, package))
     digest = "" if text == "Module([] [])" else digest_bytes(text.encode("utf-8", "surrogatepass"))
-    return digest, tuple(dict.fromkeys(imports))
+    return [digest, *imports]
 
 
 def _text(value: Any, leading: list[ast.stmt]) -> str:  # Any: a node, a list of them, or plain

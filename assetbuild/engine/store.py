@@ -69,7 +69,6 @@ class Store:
 
     def __init__(self, root: Path, *, notice: str = "") -> None:
         self.notice = notice
-        self.is_temporary = bool(notice)
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
         self._verified: dict[str, Signature] = {}
         with machine_errors(self.root.parent):
@@ -83,7 +82,7 @@ class Store:
         """Remove this process's private folder, and those of builds that were killed."""
         release(self._tmp)
         remove_abandoned((self.root / "tmp").iterdir())
-        if self.is_temporary:
+        if self.notice:
             shutil.rmtree(self.root.parent, ignore_errors=True)
 
     def scratch(self) -> Path:
