@@ -15,7 +15,7 @@ from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.errors import AssetBuildError, StepError
+from assetbuild.errors import StepError
 
 
 @dataclass(frozen=True)
@@ -118,11 +118,6 @@ def execute(
         if runner is None:
             place.close()
         session.save()
-
-
-def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
-    """The error of the first failed node in the order of the graph; None when all went well."""
-    return next((r.error for r in results.values() if r.error is not None), None)
 
 
 @dataclass

@@ -18,7 +18,7 @@ from steps_for_tests import Mix, Split
 
 from assetbuild.cli import main
 from assetbuild.engine.claims import release
-from assetbuild.engine.execute import execute, first_error
+from assetbuild.engine.execute import execute
 from assetbuild.engine.housekeeping import check
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
@@ -100,9 +100,9 @@ def build(root: Path, source: Path, dest: Path) -> bytes:
         mix = planner.add("mix", Mix(), {"all/": split["parts/"]})
         planner.add("last", Mix(salt=1), {"in": mix["out"]})
         results = execute(planner.graph(), session, jobs=1)
-        error = first_error(results)
-        if error is not None:
-            raise error
+        for result in results.values():
+            if result.error is not None:
+                raise result.error
         session.store.restore(results["last"]["out"], dest)
         return dest.read_bytes()
 
