@@ -159,8 +159,13 @@ def did_you_mean(wrong: str, known: Iterable[str]) -> str:
     near = nearest(wrong, names)
     if near is not None:
         return f"did you mean `{near}`?"
-    shown = ", ".join(f"`{name}`" for name in names[:12])
-    return f"known: {shown}{', ...' if len(names) > 12 else ''}" if names else ""
+    return f"known: {quoted(names, 12)}" if names else ""
+
+
+def quoted(names: Iterable[str], most: int, more: str = ", ...") -> str:
+    """`a`, `b`, ...: at most so many names. more: for the others, with `{}` for their number."""
+    each = [f"`{name}`" for name in names]
+    return ", ".join(each[:most]) + (more.format(len(each) - most) if len(each) > most else "")
 
 
 _PLAIN = re.compile(r"([\w.|/()\[\]-]|(?<!\))\*){1,100}")

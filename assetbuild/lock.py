@@ -13,10 +13,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from assetbuild.engine.digest import replace_file
 from assetbuild.engine.world import World
 from assetbuild.errors import LockError, MachineError, Where
-from assetbuild.recipe.loader import read_small_file, shown_path
+from assetbuild.recipe.loader import read_map, shown_path
 from assetbuild.recipe.source import PYPI_PATTERN, Sha256, Source
 from assetbuild.recipe.validation import locate, validated
-from assetbuild.recipe.yaml_tree import described, parse
 from assetbuild.recipe_types import Model
 
 _HEAD = "# Written by `assetbuild lock`; not meant to be edited\n"
@@ -98,13 +97,8 @@ def read_lock(path: Path, world: World | None = None) -> Lock | None:
     world = world or World()
     if not world.exists(path):
         return None
-    file = shown_path(path)
-    root = parse(read_small_file(path, file, LockError, world), file, LockError)
-    if not isinstance(root.value, dict):
-        hint = "write it anew with `assetbuild lock`"
-        message = f"expected a map at the top, found {described(root)}"
-        raise LockError(message, where=root.where, hint=hint)
-    return validated(Lock, root, LockError)
+    hint = "write it anew with `assetbuild lock`"
+    return validated(Lock, read_map(path, LockError, world, "a map at the top", hint), LockError)
 
 
 def lock_text(lock: Lock) -> str:
@@ -142,27 +136,20 @@ def write_lock(path: Path, lock: Lock) -> bool:
 
 def place_of_pin(path: Path) -> Where:
     """The line of the digest in a lock file; the file alone when it cannot be read."""
-    file = shown_path(path)
     try:
-        tree = parse(read_small_file(path, file, LockError), file, LockError)
+        return locate(read_map(path, LockError, None, "a map", ""), ("source", "sha256"))
     except LockError:
-        return Where(file)
-    return locate(tree, ("source", "sha256"))
+        return Where(shown_path(path))
 
 
 def check_pin(source: Source, lock: Lock, path: Path) -> None:
     """LockError when the lock at `path` pins another source than the recipe names."""
-    where = Where(shown_path(path))
-    pin = lock.pins[0]
-    pinned = pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
-    if source.moving is None:
-        kind = "a folder" if source.path else "pinned in the recipe"
-        message = f"the lock pins {pinned}, but the recipe's source is {kind}"
-        raise LockError(message, where=where, hint="delete the lock")
     if lock.pin_of(source) is None:
+        pin = lock.pins[0]
+        pinned = pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
         raise LockError(
             f"the lock pins {pinned}, but the recipe names {source.moving}",
-            where=where,
+            where=Where(shown_path(path)),
             hint="run `assetbuild lock` to pin what the recipe names",
         )
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
@@ -197,7 +198,7 @@ def contact_findings(shapes: Shapes, control: Control) -> Iterator[Finding]:
         if touches and surface.condim > 1 and not SLIDING[0] <= surface.friction[0] <= SLIDING[1]:
             links.setdefault(surface.friction[0], {})[shape.link] = None
     for friction, link_names in links.items():
-        names, listed = list(link_names), _listed(list(link_names), "links")
+        names, listed = list(link_names), quoted(link_names, SHOWN, " and {} more links")
         slides = friction < SLIDING[0]
         yield FRICTION(
             f"link {names[0]}",
@@ -228,13 +229,8 @@ def _raised(shapes: Shapes, control: Control) -> Iterator[Finding]:
             yield RAISED(
                 names[0],
                 f"MuJoCo raises the time constant of {constant:g} s to two time steps, "
-                f"{least:g} s: {_listed(names, 'places')}",
+                f"{least:g} s: {quoted(names, SHOWN, ' and {} more places')}",
                 hint=f"`simulation: {{timestep: {constant / SAFE_STEPS:g}}}`, or `solref: "
                 f"[{least:g}, ...]` to state what is simulated",
                 data={"stated_s": constant, "taken_s": least, "places": len(names)},
             )
-
-
-def _listed(names: Sequence[str], what: str) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[:SHOWN])
-    return shown + (f" and {len(names) - SHOWN} more {what}" if len(names) > SHOWN else "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from xml.etree import ElementTree
 
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import (
@@ -103,7 +104,7 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         yield MOTION(
             "robot",
             f"{what}: in the MJCF only, the other formats move otherwise: "
-            f"{_listed(names) or 'the whole robot'}",
+            f"{quoted(filter(None, names), 4) or 'the whole robot'}",
             "use the MJCF, the mjx model or mjlab's model where it matters",
             data={"what": what, "names": names},
         )
@@ -132,7 +133,7 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         groups.setdefault((item.place, summary), []).append(item.owner or element.get("name", ""))
     lines = []
     for (place, summary), owners in groups.items():
-        listed = _listed(owners)
+        listed = quoted(filter(None, owners), 4)
         lines.append(f"{summary} of {_WORDS.get(place, place)} {listed}" if listed else summary)
     if lines:
         yield ONLY_IN_MJCF(
@@ -153,11 +154,6 @@ def _own_drive(item: MjcfOnly) -> Finding:
         "outside of the MJCF command a position or a speed of the joint",
         data={"actuator": name, "tendon": tendon},
     )
-
-
-def _listed(owners: Iterable[str]) -> str:
-    names = [f"`{name}`" for name in owners if name]
-    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
 
 
 def _uneven(item: MjcfOnly) -> Iterator[Finding]:

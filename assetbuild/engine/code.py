@@ -20,7 +20,7 @@ import gc
 import os
 import sys
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,19 +77,16 @@ class Code:
     def __init__(self, folder: Path | None = None) -> None:
         kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
         self._stamps = Stamps(kept, form=SYNTAX_FORMAT, limit=FILES_KEPT)
-        self._libraries = Libraries(self._stamps.notes)
+        self._libraries = Libraries(self._stamps)
         self._packages = Places()
         self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
         self._closures: dict[str, StepCode] = {}
-        self._codes: dict[type, StepCode] = {}
         self._lock = threading.Lock()
 
     def of(self, step: type) -> StepCode:
         """The code of a step class. MachineError when its source is not to be found."""
-        if step not in self._codes:
-            with self._lock:
-                self._codes[step] = self._code(step)
-        return self._codes[step]
+        with self._lock:
+            return self._code(step)
 
     def _code(self, step: type) -> StepCode:
         module = step.__module__
@@ -131,9 +128,6 @@ class Code:
     def save(self) -> None:
         """Write what was learnt; OSError passes."""
         with self._lock:
-            if self._libraries.is_new:
-                self._stamps.notes = self._libraries.to_json()
-                self._libraries.is_new = False
             self._stamps.save()
 
     def _closure(self, start: str) -> StepCode:
@@ -237,126 +231,97 @@ def _changed(what: str) -> MachineError:
 def _read(name: str, path: str) -> list[str]:
     """The digest, and what the file imports."""
     if "/" not in name and path.endswith(".py"):
-        digest, imports = read_module(name, path)
-        return [digest, *imports]
+        return read_module(name, path)
     return [digest_file(path)]
 
 
-SYNTAX_FORMAT = "syntax 3"
+SYNTAX_FORMAT = "syntax 4"
 """Raised when the digest of the same file, or what is found in it, changes."""
 SAID_BY_OTHERS = frozenset({"ctx", "kind"})
 """Fields that say nothing: whether a name is read or written follows from where it stands, and
 `u"a"` is `"a"`."""
-STATEMENTS = frozenset({"body", "orelse", "finalbody"})
-"""Fields that hold lists of statements."""
 STATED = "BEYOND_IMPORTS"
 VERSION = "__version__"
 MUST = "!"
 """In the place of an imported name: the constant names the module or file, so it must be there."""
 
 
-def read_module(name: str, path: str) -> tuple[str, tuple[str, ...]]:
-    """Digest and imports of a module; see `engine.code`. OSError.
+def read_module(name: str, path: str) -> list[str]:
+    """The digest and the imports of a module; see `engine.code`. OSError.
 
     Comments, docstrings, blank lines, layout and `if TYPE_CHECKING:` do not change the digest, nor
     does `__version__`: whoever imports that leads to the bytes of the file that states it. A module
     without a statement has no digest. What Python cannot parse counts by its bytes.
     """
     data = Path(path).read_bytes()
+    package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
+    leading: list[ast.stmt] = []
     try:
-        reader = _Reader(name, is_package=path.endswith("__init__.py"))
-        reader.walk(ast.parse(data))
+        text = _text(ast.parse(data), leading)
     except (SyntaxError, ValueError, RecursionError):
-        return digest_bytes(data), ()
-    text = " ".join(reader.words)
-    digest = "" if text == "Module )" else digest_bytes(text.encode("utf-8", "surrogatepass"))
-    return digest, tuple(dict.fromkeys(reader.imports))
-
-
-class _Reader:
-    """Walks a tree once. words: the tree as text, the same under each version of Python as far as
-    their grammars agree."""
-
-    def __init__(self, name: str, *, is_package: bool) -> None:
-        self.name = name
-        self.package = name if is_package else name.rpartition(".")[0]
-        self.words: list[str] = []
-        self.imports: list[str] = []
-
-    def walk(self, node: ast.AST) -> None:
-        """Note a node and what is below it."""
-        words = self.words
-        words.append(type(node).__name__)
-        for field in node._fields:
-            if field in SAID_BY_OTHERS:
-                continue
-            value = getattr(node, field, None)
-            if isinstance(value, ast.AST):
-                words.append(field)
-                self.walk(value)
-            elif isinstance(value, list):
-                self._list(field, value)
-            elif value is not None:
-                words.append(f"{field}={value!r}")
-        words.append(")")
+        return [digest_bytes(data)]
+    imports: dict[str, None] = {}
+    for node in leading:
         if isinstance(node, ast.Import | ast.ImportFrom):
-            self._import(node)
-
-    def _list(self, field: str, values: list[Any]) -> None:  # Any: nodes, names or None
-        if field in STATEMENTS:
-            values = [each for value in values for each in _counted(value)]
-        if not values:
-            return
-        self.words.append(f"{field}[")
-        for value in values:
-            if isinstance(value, ast.AST):
-                if field == "body":
-                    self._stated(value)
-                self.walk(value)
-            else:
-                self.words.append(repr(value))
-        self.words.append("]")
-
-    def _import(self, node: ast.Import | ast.ImportFrom) -> None:
-        if isinstance(node, ast.Import):
-            self.imports += [f"{alias.name}:" for alias in node.names]
-            return
-        base = node.module or ""
-        if node.level:
-            parts = self.package.split(".")
-            parts = parts[: len(parts) - node.level + 1]
-            base = ".".join([*parts, *filter(None, [node.module])])
-        for alias in node.names:
-            if alias.name == VERSION:
-                path = base.replace(".", "/")
-                self.imports += [f"{path}.py:", f"{path}/__init__.py:"]
-            self.imports.append(f"{base}:{alias.name}")
-
-    def _stated(self, node: ast.AST) -> None:
-        """What the constant states, wherever it stands. MachineError when it is not a tuple."""
-        targets: Iterable[ast.expr] = ()
-        if isinstance(node, ast.Assign):
-            targets = node.targets
-        elif isinstance(node, ast.AnnAssign):
-            targets = (node.target,)
-        if not any(isinstance(each, ast.Name) and each.id == STATED for each in targets):
-            return
-        try:
-            stated = ast.literal_eval(node.value)  # type: ignore[attr-defined]  # of both kinds
-        except ValueError:
-            stated = None
-        if not isinstance(stated, tuple) or not all(isinstance(each, str) for each in stated):
-            raise MachineError(
-                f"`{STATED}` of `{self.name}` is not a tuple of strings",
-                hint="write out the names; they are read without running the module",
-            )
-        here = self.package.replace(".", "/")
-        for each in stated:
-            name = os.path.normpath(f"{here}/{each}") if "/" in each else each
-            self.imports.append(f"{name}:{MUST}")
+            imports |= dict.fromkeys(_imports(node, package))
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            imports |= dict.fromkeys(_stated(node, name, package))
+    digest = "" if text == "Module([] [])" else digest_bytes(text.encode("utf-8", "surrogatepass"))
+    return [digest, *imports]
 
 
-def _counted(value: Any) -> list[Any]:  # Any: as `_Reader._list`
+def _text(value: Any, leading: list[ast.stmt]) -> str:  # Any: a node, a list of them, or plain
+    """The tree as text. leading: gets the statements that may lead to other modules."""
+    if isinstance(value, ast.AST):
+        fields = [
+            getattr(value, name, None) for name in value._fields if name not in SAID_BY_OTHERS
+        ]
+        return f"{type(value).__name__}({' '.join([_text(each, leading) for each in fields])})"
+    if not isinstance(value, list):
+        return repr(value)
+    if value and isinstance(value[0], ast.stmt):
+        value = [each for one in value for each in _counted(one)]
+        leading += value
+    return f"[{' '.join([_text(each, leading) for each in value])}]"
+
+
+def _imports(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (f"{alias.name}:" for alias in node.names)
+        return
+    base = node.module or ""
+    if node.level:
+        parts = package.split(".")
+        parts = parts[: len(parts) - node.level + 1]
+        base = ".".join([*parts, *filter(None, [node.module])])
+    for alias in node.names:
+        if alias.name == VERSION:
+            path = base.replace(".", "/")
+            yield from (f"{path}.py:", f"{path}/__init__.py:")
+        yield f"{base}:{alias.name}"
+
+
+def _stated(node: ast.Assign | ast.AnnAssign, name: str, package: str) -> Iterator[str]:
+    """What the constant states, wherever it stands. MachineError when it is not a tuple."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+    if not any(isinstance(each, ast.Name) and each.id == STATED for each in targets):
+        return
+    try:
+        stated = ast.literal_eval(node.value or "None")
+    except ValueError:
+        stated = None
+    if not isinstance(stated, tuple) or not all(isinstance(each, str) for each in stated):
+        raise MachineError(
+            f"`{STATED}` of `{name}` is not a tuple of strings",
+            hint="write out the names; they are read without running the module",
+        )
+    here = package.replace(".", "/")
+    for each in stated:
+        target = os.path.normpath(f"{here}/{each}") if "/" in each else each
+        yield f"{target}:{MUST}"
+
+
+def _counted(value: Any) -> list[Any]:  # Any: a statement
     """A statement, unless it does nothing; what stands in the place of `if TYPE_CHECKING:`."""
     match value:
         case ast.Expr(value=ast.Constant(value=str())):

@@ -15,7 +15,7 @@ from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.errors import AssetBuildError, StepError
+from assetbuild.errors import StepError
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,6 @@ def execute(
     *,
     jobs: int | None = None,
     keep_going: bool = False,
-    memory_mb: int | None = None,
     on_event: Listener | None = None,
     maker: Maker | None = None,
     whole: bool = True,
@@ -95,8 +94,8 @@ def execute(
     None = the places of the runner. keep_going: after a failure, still make everything that does
     not need the failed node; else only what runs is finished, and steps of the failed one's kind
     where that is `all_told`.
-    memory_mb: the memory that child processes may declare together; one always runs.
-    None = what the runner has left. maker: makes the nodes; None = from the store or freshly run.
+    Child processes together declare no more memory than the runner has left; one always runs.
+    maker: makes the nodes; None = from the store or freshly run.
     whole: see `Event`. What the store turns out to have lost is made again.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
@@ -105,7 +104,7 @@ def execute(
         graph,
         maker or Maker(graph, session, place),
         places=jobs if jobs and jobs > 0 else place.places,
-        memory_mb=place.memory_mb if memory_mb is None else memory_mb,
+        memory_mb=place.memory_mb,
         keep_going=keep_going,
         tell=on_event or (lambda _: None),
         whole=whole,
@@ -121,46 +120,33 @@ def execute(
         session.save()
 
 
-def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
-    """The error of the first failed node in the order of the graph; None when all went well."""
-    return next((r.error for r in results.values() if r.error is not None), None)
-
-
+@dataclass
 class _Schedule:
     """The state of one execution; only the calling thread touches it."""
 
-    def __init__(
-        self,
-        graph: Graph,
-        maker: Maker,
-        *,
-        places: int,
-        memory_mb: int,
-        keep_going: bool,
-        tell: Listener,
-        whole: bool,
-    ) -> None:
-        self.graph = graph
-        self.whole = whole
-        self.maker = maker
-        self.places = places
-        self.keep_going = keep_going
-        self.tell = tell
+    graph: Graph
+    maker: Maker
+    places: int
+    memory_mb: int
+    keep_going: bool
+    tell: Listener
+    whole: bool
+
+    def __post_init__(self) -> None:
         self.results: dict[str, NodeResult] = {}
-        self.free = places
-        self.memory_mb = memory_mb
+        self.free = self.places
         self.declared_mb = 0
         self.stopping = False
         self.told: set[type[Step]] = set()
         self.losses: Counter[str] = Counter()
-        self.makers = {label: graph.predecessors(label) for label in graph.nodes}
-        self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
+        self.makers = {label: self.graph.predecessors(label) for label in self.graph.nodes}
+        self.readers: dict[str, list[str]] = {label: [] for label in self.graph.nodes}
         for label, makers in self.makers.items():
             for each in makers:
                 self.readers[each].append(label)
         self.waiting = {label: set(makers) for label, makers in self.makers.items()}
         self.running: set[str] = set()
-        self.costs = costs(graph, self.maker.session.journal)
+        self.costs = costs(self.graph, self.maker.session.journal)
         self.work: SimpleQueue[str | None] = SimpleQueue()
         self.inbox: SimpleQueue[tuple[str, _Message]] = SimpleQueue()
 

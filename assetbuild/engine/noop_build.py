@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from assetbuild.engine.questions import Question
 
-FORMAT = "assetbuild null 2"
+FORMAT = "assetbuild null 3"
 MADE = "="
 """Before the digest of a file that must be no link."""
 COUNT = "+"
@@ -65,8 +65,9 @@ def check(record: str, options: str) -> dict[str, object] | None:
     try:
         with open(record, encoding="utf-8", errors="surrogateescape", newline="") as file:
             text = file.read()
-        lines = _whole_lines(text)
-        if lines is None or lines[:3] != [FORMAT, identity(), _escape(options)]:
+        body, _, last = text.removesuffix("\n").rpartition("\n")
+        lines = body.split("\n")
+        if last != _crc(body) or lines[:3] != [FORMAT, identity(), _escape(options)]:
             return None
         noted = []
         for line in lines[4:]:
@@ -193,12 +194,6 @@ def identity() -> str:
     return _escape(" ".join(parts))
 
 
-def _whole_lines(text: str) -> list[str] | None:
-    """The lines of a record without its last one, or None when the record is not whole."""
-    body, _, last = text.removesuffix("\n").rpartition("\n")
-    return body.split("\n") if last == _crc(body) else None
-
-
 def _crc(body: str) -> str:
     import zlib
 
@@ -285,14 +280,8 @@ def _count_below(folder: str) -> int:
 
 
 def _escape(text: str) -> str:
-    for plain, escaped in (("\\", "\\\\"), ("\n", "\\n"), ("\t", "\\t"), ("\r", "\\r")):
-        text = text.replace(plain, escaped)
-    return text
+    return text.encode("unicode_escape").decode("ascii")
 
 
 def _unescape(text: str) -> str:
-    parts = [
-        part.replace("\\n", "\n").replace("\\t", "\t").replace("\\r", "\r")
-        for part in text.split("\\\\")
-    ]
-    return "\\".join(parts)
+    return text.encode("ascii").decode("unicode_escape")

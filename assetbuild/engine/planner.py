@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from assetbuild.engine.execute import Listener, execute, first_error
+from assetbuild.engine.execute import Listener, execute
 from assetbuild.engine.graph import (
     Graph,
     GraphError,
@@ -173,13 +173,14 @@ def settle_all(
             )
             is_stuck = may_run is not None and now.keys() <= results.keys()
             results = _with_earlier(now, results)
-            mine = {name: _own(results, name, len(plans)) for name in done}
-            is_over = all(
-                each.whole or first_error(mine[name]) is not None for name, each in done.items()
-            )
-            if is_over or is_stuck or (first_error(results) and not keep_going):
-                break
-    return {name: replace(each, results=mine[name]) for name, each in done.items()}
+            done = {
+                name: replace(each, results=_own(results, name, len(plans)))
+                for name, each in done.items()
+            }
+            is_over = all(each.whole or each.errors for each in done.values())
+            has_failed = any(each.errors for each in done.values())
+            if is_over or is_stuck or (has_failed and not keep_going):
+                return done
 
 
 def _with_earlier(

@@ -21,7 +21,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import LostObjectError, Store, files_below, machine_errors
 from assetbuild.engine.wire import error_from_json, perform, step_to_json
 from assetbuild.engine.worker import NO_SPACE
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, quoted
 from assetbuild.findings import finding_from_json
 
 ATTEMPTS = 2
@@ -280,8 +280,8 @@ def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
     extra = [name for name in written if name not in declared and not name.startswith(trees)]
     if extra:
         raise StepError(
-            f"step `{action.label}` wrote what it does not declare: {_names(extra)}",
-            hint=f"its `outputs` are {_names(declared) or 'empty'}",
+            f"step `{action.label}` wrote what it does not declare: {quoted(extra, 8)}",
+            hint=f"its `outputs` are {quoted(declared, 8) or 'empty'}",
         )
     absent = [
         name
@@ -289,7 +289,7 @@ def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
         if not ((folder / name).is_dir() if name.endswith("/") else name in written)
     ]
     if absent:
-        raise StepError(f"step `{action.label}` did not write its output {_names(absent)}")
+        raise StepError(f"step `{action.label}` did not write its output {quoted(absent, 8)}")
     for name in written:
         if any("\ud800" <= letter <= "\udfff" for letter in name):  # undecodable bytes
             raise StepError(f"step `{action.label}` wrote a file whose name is not UTF-8: {name!a}")
@@ -299,8 +299,3 @@ def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
         else store.put_file(folder / name, move=True)
         for name in declared
     }
-
-
-def _names(names: tuple[str, ...] | list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[:8])
-    return f"{shown}, ..." if len(names) > 8 else shown

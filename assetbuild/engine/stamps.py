@@ -19,7 +19,7 @@ class Stamps:
     """Texts that were found in files, trusted while the signature of the file stays the same.
 
     path: one JSON file, replaced at once by `save`; unreadable counts as empty. None keeps nothing.
-    form: of the texts; those in another form are forgotten. notes: plain data kept beside them.
+    form: of the texts; those in another form are forgotten.
     fresh: trust nothing that an earlier process found. limit: of the entries in the file.
     Safe to use from several threads: every operation on the dictionaries is a single one.
     """
@@ -35,12 +35,8 @@ class Stamps:
         self._path = path
         self._limit = limit
         self._form = form
-        self._old: dict[str, Entry] = {}
+        self._old = {} if fresh else self._load()
         self._new: dict[str, Entry] = {}
-        self.notes: Any = None  # Any: JSON
-        if not fresh:
-            self._old, self.notes = self._load()
-        self._noted = self.notes
 
     def find(self, name: str, status: os.stat_result, read: Callable[[], str]) -> str:
         """What `read` finds in the file with this `stat`, which comes first.
@@ -71,23 +67,22 @@ class Stamps:
     def save(self) -> None:
         """Write what was learnt, beside what other builds learnt meanwhile; OSError passes."""
         is_known = all(self._old.get(name) == entry for name, entry in list(self._new.items()))
-        if self._path is None or (is_known and self.notes == self._noted):
+        if self._path is None or is_known:
             return
-        merged = self._load()[0]
+        merged = self._load()
         for name in self._new:
             merged.pop(name, None)  # so that the entries used last stand last
         files = dict(list((merged | self._new).items())[-self._limit :])
-        text = json.dumps({"format": self._form, "files": files, "notes": self.notes})
-        replace_file(self._path, text.encode())
+        replace_file(self._path, json.dumps({"format": self._form, "files": files}).encode())
 
-    def _load(self) -> tuple[dict[str, Entry], Any]:  # Any: JSON
+    def _load(self) -> dict[str, Entry]:
         try:
             raw = json.loads(self._path.read_bytes()) if self._path else {}
             files = raw["files"]
             if raw["format"] == self._form and all(
                 len(entry) == 6 and isinstance(entry[5], str) for entry in files.values()
             ):
-                return dict(files), raw["notes"]
+                return dict(files)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             pass
-        return {}, None
+        return {}

@@ -69,7 +69,6 @@ class Store:
 
     def __init__(self, root: Path, *, notice: str = "") -> None:
         self.notice = notice
-        self.is_temporary = bool(notice)
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
         self._verified: dict[str, Signature] = {}
         with machine_errors(self.root.parent):
@@ -83,7 +82,7 @@ class Store:
         """Remove this process's private folder, and those of builds that were killed."""
         release(self._tmp)
         remove_abandoned((self.root / "tmp").iterdir())
-        if self.is_temporary:
+        if self.notice:
             shutil.rmtree(self.root.parent, ignore_errors=True)
 
     def scratch(self) -> Path:
@@ -326,22 +325,15 @@ def machine_errors(place: Path, option: str = STORE_OPTION) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise machine_error(error, place, option) from error
-
-
-def machine_error(error: OSError, place: Path, option: str = STORE_OPTION) -> MachineError:
-    """The sentence for a failed write below `place`; `option` chooses another place."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return MachineError(
-            f"no space left on the disk that holds {place}",
-            hint=f"free some space, or choose another folder with {option}; nothing is lost",
-        )
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return MachineError(
-            f"no permission for `{error.filename or place}`",
-            hint=f"choose another folder with {option}",
-        )
-    return MachineError(f"{error.strerror or error}: `{error.filename or place}`")
+        file, hint = error.filename or place, f"choose another folder with {option}"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            hint = f"free some space, or {hint}; nothing is lost"
+            message = f"no space left on the disk that holds {place}"
+        elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+            message = f"no permission for `{file}`"
+        else:
+            message, hint = f"{error.strerror or error}: `{file}`", ""
+        raise MachineError(message, hint=hint) from error
 
 
 def files_below(folder: Path) -> list[Path]:

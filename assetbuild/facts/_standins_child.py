@@ -17,7 +17,7 @@ import types
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from assetbuild.engine.confine import confine
+from assetbuild.engine.confine import LISTING, REFUSED, confine, do_one_job
 
 MEMORY_BYTES = 1 << 30
 CPU_S = 10
@@ -26,15 +26,10 @@ FOLDER = "/bundle/python"
 PYTHON = os.path.dirname(os.__file__)  # noqa: PTH120 - strings
 CLASS, ARGUMENTS, LINE = "()", "*", "@"
 """Keys of a recorded call beside its keyword arguments."""
-LISTING = ("os.listdir", "os.scandir")
 MODULE = "module"
 IMPORT = builtins.__import__
 IMPORTED: list[str] = []
 """What the module imports beyond Python itself."""
-REFUSED = (
-    "os.", "shutil.", "socket.", "subprocess.", "ctypes.", "tempfile.", "pty.", "mmap.", "fcntl.",
-    "signal.", "webbrowser.", "urllib.",
-)  # fmt: skip
 
 
 class Recorded:
@@ -126,26 +121,22 @@ def guard(event: str, arguments: tuple[Any, ...]) -> None:  # Any: the event's o
 
 def main() -> None:
     """Execute one module as the job says."""
-    job = json.loads(sys.stdin.read())
-    answer = os.dup(1)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    do_one_job(_answer, MEMORY_BYTES)
+
+
+def _answer(job: dict[str, Any]) -> dict[str, object]:  # Any: JSON
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
     sys.path[:] = [path for path in sys.path if path.startswith(PYTHON)]
     builtins.__import__ = stand_in  # type: ignore[assignment] # it returns stand-ins, too
     confine([PYTHON])
     sys.addaudithook(guard)
-    data = json.dumps(_answer(job["name"], job["text"], job["calls"])).encode()
-    while data:
-        data = data[os.write(answer, data) :]
-    os._exit(0)
-
-
-def _answer(name: str, text: str, calls: Sequence[str]) -> dict[str, object]:
     try:
-        return {"record": _record(f"{FOLDER}/{name}", text, calls)}
+        return {"record": _record(f"{FOLDER}/{job['name']}", job["text"], job["calls"])}
     except BaseException as error:  # a module may raise anything
-        return {"error": f"{type(error).__name__}: {error}"[:400], "line": _line(error, name)}
+        return {
+            "error": f"{type(error).__name__}: {error}"[:400],
+            "line": _line(error, job["name"]),
+        }
 
 
 def _record(file: str, text: str, calls: Sequence[str]) -> dict[str, object]:

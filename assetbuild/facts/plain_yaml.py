@@ -24,19 +24,22 @@ def plain_loader() -> Any:  # Any: PyYAML, which is only imported where it is ne
     return Plain
 
 
-def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
-    """The mapping that a file holds. UsageError where it holds none, or names a part twice."""
+def read_yaml(path: Path, loader: Any = None) -> dict[str, Any]:  # Any: plain YAML, here and below
+    """The mapping that a file holds. UsageError where it holds none, or names a part twice.
+
+    loader: a safe one; None = `plain_loader`.
+    """
     import yaml
 
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), plain_loader())  # noqa: S506 - a safe loader
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = Where(path.name, mark.line + 1 if mark else 0)
-        problem = getattr(error, "problem", None) or "no UTF-8 text"
-        raise UsageError(f"not readable as YAML: {problem}", where=where) from None
+        content = yaml.load(path.read_bytes(), loader or plain_loader())  # noqa: S506 - a safe loader
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = Where(path.name, mark.line + 1 if mark else 0)
+        problem = getattr(error, "problem", None) or "no UTF-8 text, or too deep"
+        raise UsageError(f"not readable as YAML: {problem}", where=where) from None
     if not isinstance(content, dict):
         raise UsageError(f"`{path.name}` holds no mapping")
     return content

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from pydantic import BaseModel, Field
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import AssetBuildError
+from assetbuild.errors import AssetBuildError, quoted
 from assetbuild.facts.compare import Difference, Precision, differences, equality_findings
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
@@ -239,15 +239,10 @@ def losses(
             else f"the {kind}"
         )
         if kind not in lacks:
-            counted = f"{_listed(quantities[kind])} of {counted}"
+            counted = f"{quoted(quantities[kind], SHOWN)} of {counted}"
         elif any(subjects):
-            counted = f"{counted} ({_listed(subjects)})"
+            counted = f"{counted} ({quoted(subjects, SHOWN)})"
         parts.append(counted)
     data = {kind: len(subjects) for kind, subjects in names.items()}
     text = f"{called} lacks {'; '.join(parts)}"
     yield LOST.named(form)("robot", text, severity=severity, data=data)
-
-
-def _listed(names: Collection[str]) -> str:
-    shown = [f"`{name}`" for name in names]
-    return ", ".join(shown[:SHOWN]) + (", ..." if len(shown) > SHOWN else "")

@@ -132,6 +132,14 @@ class Reference:
                 self.tree.by_body[end.body]
 
 
+def robot_named(bundle: Path, otherwise: str) -> str:
+    """The robot's name, as the bundle's manifest has it."""
+    try:
+        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return otherwise
+
+
 def _with_new_keys(plain: dict[str, Any]) -> dict[str, Any]:
     """The surfaces in a bundle of version 0.1, which had other names for two keys of MuJoCo's."""
     if "condim" not in plain or "mask" not in plain:

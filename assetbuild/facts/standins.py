@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import assetbuild
+from assetbuild.engine.confine import bare_environment
 from assetbuild.errors import UsageError
 
 BEYOND_IMPORTS = ("assetbuild.facts._standins_child",)
@@ -67,7 +67,7 @@ def _run(job: Record) -> bytes:
             stdin=asked,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=_bare_environment(),
+            env=bare_environment(),
             cwd=folder,
         ) as child:
             timer = threading.Timer(SECONDS, child.kill)
@@ -76,13 +76,6 @@ def _run(job: Record) -> bytes:
             timer.cancel()
             child.kill()
     return output
-
-
-def _bare_environment() -> dict[str, str]:
-    """Nothing of the user's, but what the interpreter itself needs to start."""
-    needed = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
-    fixed = {"TZ": "UTC", "LC_ALL": "C"}
-    return {name: os.environ[name] for name in needed if name in os.environ} | fixed
 
 
 # --- reading a record -------------------------------------------------------------------------

@@ -28,6 +28,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.simulators.mujoco import above, at_key, follow, load, mj
 
 SWING, SWEEP, STEPS = 0.55, 0.3, 0.15
 """Shares of the amplitude."""
@@ -202,8 +203,6 @@ class Touch:
     """Contacts of the robot with itself, and of a fixed one with the floor at its foot."""
 
     def __init__(self, file: Path, plant: Plant) -> None:
-        from assetbuild.simulators.mujoco import at_key, load
-
         self.model = load(file, visuals=False).model
         self.data = at_key(self.model)
         self.last = ""
@@ -214,17 +213,13 @@ class Touch:
 
     def guilty(self, poses: Array) -> set[int]:
         """Numbers of joints that move one of two bodies that touch and not the other."""
-        import mujoco
-
-        from assetbuild.simulators.mujoco import follow
-
         joints: set[int] = set()
         seen: set[tuple[int, int]] = set()
         for pose in poses:
             self.data.qpos[self._at] = pose
             follow(self.model, self.data)
-            mujoco.mj_kinematics(self.model, self.data)
-            mujoco.mj_collision(self.model, self.data)
+            mj.mj_kinematics(self.model, self.data)
+            mj.mj_collision(self.model, self.data)
             seen |= self._pairs() - self._always
         for a, b in seen:
             movers = self._movers(a) ^ self._movers(b)
@@ -239,8 +234,5 @@ class Touch:
 
     def _movers(self, body: int) -> set[int]:
         """Numbers of the joints between a body and the root."""
-        joints = set()
-        while body > 0:
-            joints |= {j for j, child in enumerate(self._bodies) if child == body}
-            body = int(self.model.body_parentid[body])
-        return joints
+        below = above(self.model, body)
+        return {j for j, child in enumerate(self._bodies) if child in below}

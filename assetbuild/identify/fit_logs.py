@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -99,13 +99,11 @@ class FitLogs(Step):
             plant, fitted, priors, unknowns, self.max_relative_interval, self.effective
         )
         parameters = tuple(self._parameters(tree, solution))
-        replayed = [
-            _replayed(plant, *both, priors, solution) for both in zip(whole, cut, strict=True)
-        ]
+        records = list(zip(whole, cut, strict=True))
         fit = Fit(
             logs=tuple(self._used(files.inputs)),
             parameters=parameters,
-            predictions=tuple(_predictions(plant, replayed)),
+            predictions=tuple(_predictions(plant, records, priors, solution)),
             related=tuple(_related(parameters, solution)),
             condition=short(solution.estimate.condition),
             recorded=tuple((row.joint, row.kp, row.kd) for row in prior.actuators),
@@ -211,36 +209,28 @@ def _related(parameters: Sequence[Parameter], solution: Solution) -> Iterator[Re
 # --- predictions ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Replayed:
-    """A record from a calm moment on. cut: samples fitted. before, after: (N, J), simulated."""
+def _predictions(
+    plant: Plant,
+    records: Sequence[tuple[Record, int]],
+    priors: Sequence[Drive],
+    solution: Solution,
+) -> Iterator[Prediction]:
+    """The RMS of each joint, as the priors and the fit predict it, from a calm moment on.
 
-    record: Record
-    cut: int
-    before: Array
-    after: Array
-
-
-def _replayed(
-    plant: Plant, record: Record, cut: int, priors: Sequence[Drive], solution: Solution
-) -> _Replayed:
-    """Both parts in one go, as the priors and the fit predict them."""
-    calm = record.from_rest()
+    records: with the number of samples that were fitted.
+    """
     # The constant torques of the fit stand in no table.
     pairs = zip(priors, solution.drives, strict=True)
-    before = [replace(prior, offset=drive.offset) for prior, drive in pairs]
-    q, _ = plant.simulate(calm, [before, solution.drives])
-    return _Replayed(calm, max(0, cut - (len(record.position) - len(calm.position))), q[0], q[1])
-
-
-def _predictions(plant: Plant, replayed: Sequence[_Replayed]) -> Iterator[Prediction]:
-    """The RMS of each joint."""
+    stated = [replace(prior, offset=drive.offset) for prior, drive in pairs]
     squares: dict[str, list[Array]] = {"fitted": [], "before": [], "after": []}
-    for each in replayed:
-        before, after = (each.before - each.record.position, each.after - each.record.position)
-        squares["fitted"].append(after[each.record.lead : each.cut] ** 2)
-        squares["before"].append(before[each.cut :] ** 2)
-        squares["after"].append(after[each.cut :] ** 2)
+    for record, fitted in records:
+        calm = record.from_rest()
+        cut = max(0, fitted - (len(record.position) - len(calm.position)))
+        q, _ = plant.simulate(calm, [stated, solution.drives])
+        before, after = (q - calm.position) ** 2
+        squares["fitted"].append(after[calm.lead : cut])
+        squares["before"].append(before[cut:])
+        squares["after"].append(after[cut:])
     rms = {
         name: np.sqrt(np.concatenate(parts).mean(axis=0)) if sum(map(len, parts)) else None
         for name, parts in squares.items()

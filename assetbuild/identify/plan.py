@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.graph import Node, Ref
@@ -28,18 +27,13 @@ from assetbuild.robot.identify import Identify, by_joint
 from assetbuild.robot.model import Tree
 
 
-@dataclass(frozen=True)
-class Identified:
-    """control: with the fitted numbers. fits: one node for each entry of `identify`."""
-
-    control: Ref
-    fits: tuple[Node, ...]
-
-
 def identify(
     entries: Sequence[Identify], folder: Path, tree: Tree, merged: Ref, control: Ref, p: Planner
-) -> Identified:
-    """Add the fits. KeyedError for patterns and files that are not there. folder: of the recipe."""
+) -> tuple[Ref, tuple[Node, ...]]:
+    """The actuators with the fitted numbers, and the fit of each entry. folder: of the recipe.
+
+    KeyedError for patterns and files that are not there.
+    """
     fits: list[Node] = []
     used: dict[str, Ref] = {}
     taken: dict[str, int] = {}
@@ -60,7 +54,7 @@ def identify(
     if used:
         step = UseFits(fits=len(used))
         control = p.add("use_fits", step, {"control.json": control, **used})["control.json"]
-    return Identified(control, tuple(fits))
+    return control, tuple(fits)
 
 
 def excite(

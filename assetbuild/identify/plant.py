@@ -24,7 +24,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators.mujoco import caught_warnings, mass_matrix
+from assetbuild.simulators.mujoco import caught_warnings, mass_matrix, mj
 from assetbuild.targets.mjcf.files import robot_element
 from assetbuild.targets.mjcf.robot_xml import MjcfOptions, RobotXml
 from assetbuild.targets.mjcf.xml import document
@@ -62,12 +62,10 @@ class Plant:
         self.joints = tuple(joints)
         self.simulator_step = simulator_step
         self.model, self.base = _compiled(tree, control, joints, moving)
-        import mujoco
-
         model = self.model
         model.opt.gravity[:] = gravity
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CONTACT)
+        model.opt.integrator = mj.mjtIntegrator.mjINT_IMPLICITFAST
         model.actuator_ctrllimited[:] = 0
         model.actuator_forcelimited[:] = 1
         model.actuator_forcelimited[list(self.base.drive)] = 0
@@ -101,8 +99,6 @@ class Plant:
         MuJoCo takes damping at the end of each step, which acts as dt/2 of it more inertia. Where
         the log is the real robot's, as much is taken off, and the step is of second order.
         """
-        import mujoco
-
         model = copy.copy(self.model)
         model.opt.timestep = dt
         table = np.array([[d.armature, d.damping, d.friction] for d in drives])
@@ -118,7 +114,7 @@ class Plant:
             model.actuator_biasprm[actuator, :3] = drive.offset, -drive.kp, -drive.kd
             model.actuator_forcerange[actuator] = -drive.effort, drive.effort
         # MuJoCo's friction creeps by an amount that depends on the inertia of the joints.
-        mujoco.mj_setConst(model, mujoco.MjData(model))
+        mj.mj_setConst(model, mj.MjData(model))
         model.dof_armature[self.dof] -= late
         # The solver stops by it, and held joints would make it stop at once.
         model.stat.meaninertia = float(np.mean(self.inertia + table[:, 0]))
@@ -137,7 +133,6 @@ class Plant:
         return q, torque
 
     def _simulate(self, record: Record, variants: Sequence[Sequence[Drive]]) -> tuple[Array, Array]:
-        import mujoco
         from mujoco import rollout
 
         if self.simulator_step is None:
@@ -148,16 +143,16 @@ class Plant:
         models = [self.changed(drives, dt) for drives in variants]
         lead, (q0, v0) = record.lead, record.begin()
         targets = np.repeat(record.target[:-1], stride, axis=0)
-        data = mujoco.MjData(models[0])
+        data = mj.MjData(models[0])
         data.qpos[:] = self.rest
         data.qpos[self.at] = q0
         data.qvel[self.dof] = v0
-        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        kind = mj.mjtState.mjSTATE_FULLPHYSICS
         if record.base is not None:
             data.qpos[list(self.base.at)] = record.base[lead]
             data.qvel[list(self.base.dof)] = speeds(record.base, record.period_s)[0][lead]
-        state = np.zeros(mujoco.mj_stateSize(models[0], kind))
-        mujoco.mj_getState(models[0], data, state, kind)
+        state = np.zeros(mj.mj_stateSize(models[0], kind))
+        mj.mj_getState(models[0], data, state, kind)
         states = np.repeat(state[None], len(models), axis=0)
         held = np.zeros((len(models), len(targets), models[0].nu))
         # A step of MuJoCo is a kick in its middle: a command that holds from t on acts from t on
@@ -193,11 +188,9 @@ class Plant:
 
         Not heavier than needed: beside 1e9 kg m2 the solver lost the friction of the others.
         """
-        import mujoco
-
         model = self.model
         heavy = HELD * float(np.max(self.inertia))
-        coupled = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+        coupled = model.eq_type == int(mj.mjtEq.mjEQ_JOINT)
         followers = [int(joint) for joint in model.eq_obj1id[coupled]]
         for joint in range(model.njnt):
             dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
@@ -211,11 +204,9 @@ class Plant:
 
     def _inertia(self) -> Array:
         """(J,) what a torque at each joint moves at rest, without armatures, kg m2 or kg."""
-        import mujoco
-
-        data = mujoco.MjData(self.model)
+        data = mj.MjData(self.model)
         data.qpos[:] = self.rest
-        mujoco.mj_forward(self.model, data)
+        mj.mj_forward(self.model, data)
         inverse = np.linalg.pinv(mass_matrix(self.model, data)[np.ix_(self.dof, self.dof)])
         felt: Array = 1.0 / np.maximum(np.diag(inverse), 1e-12)
         return felt
@@ -228,13 +219,11 @@ class Plant:
         q, v, a: (N, J); base: the same of the root, (N, 6). Without armature, damping, friction
         and limits.
         """
-        import mujoco
-
         model = copy.copy(self.model)
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CONSTRAINT)
+        model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_ACTUATION)
         model.dof_armature[:], model.dof_damping[:] = 0.0, 0.0
-        data = mujoco.MjData(model)
+        data = mj.MjData(model)
         data.qpos[:] = self.rest
         torque = np.zeros_like(q)
         for n in range(len(q)):
@@ -242,7 +231,7 @@ class Plant:
             if base is not None:
                 at, dof = list(self.base.at), list(self.base.dof)
                 data.qpos[at], data.qvel[dof], data.qacc[dof] = (part[n] for part in base)
-            mujoco.mj_inverse(model, data)
+            mj.mj_inverse(model, data)
             torque[n] = data.qfrc_inverse[self.dof]
         return torque
 
@@ -250,8 +239,6 @@ class Plant:
 def _compiled(
     tree: Tree, control: Control, joints: Sequence[str], moving: bool
 ) -> tuple[Any, Moving]:  # Any: as above
-    import mujoco
-
     stand = replace(tree, base="fixed", X_world_root=IDENTITY)
     rows = []
     for joint in tree.moving_joints:
@@ -264,7 +251,7 @@ def _compiled(
     text = document(root, "")
     if moving:
         return on_moving_base(text)
-    return mujoco.MjModel.from_xml_string(text), Moving((), (), ())
+    return mj.MjModel.from_xml_string(text), Moving((), (), ())
 
 
 def _rest(model: Any, tree: Tree, control: Control) -> Array:  # Any: as above

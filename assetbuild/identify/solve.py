@@ -56,10 +56,9 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Solution:
-    """unknowns with their estimates; kept: whether the data show each, else why not.
+    """unknowns with their estimates; refused: why the data do not show each, "" where they do.
 
-    drives: with what was identified, refused parameters at their priors. split: samples of each
-    record that were fitted.
+    drives: with what was identified, refused parameters at their priors.
     """
 
     unknowns: tuple[Unknown, ...]

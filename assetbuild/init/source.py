@@ -92,7 +92,7 @@ def find_source(
     """
     packages_below.cache_clear()  # the files may have changed since another robot was read
     args, name = args or {}, shown_path(file)
-    data = read_small_file(file, name, SourceError)
+    data = read_small_file(file, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
     by_xacro = is_xacro(file, data)

@@ -14,7 +14,7 @@ from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, StepError, UsageError
-from assetbuild.facts.reference import Reference
+from assetbuild.facts.reference import Reference, robot_named
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.again import ROBOT, prove_again
 from assetbuild.pipeline.judging import evaluate
@@ -105,7 +105,7 @@ def _of_bundle(bundle: Path, wish: Wish) -> list[Validated]:
 def _proved(bundle: Path) -> dict[str, Validated]:
     """Every file of a bundle that says what the robot is, compared with the bundle's robot."""
     reference = Reference.of_bundle(bundle)
-    robot = str(reference.options.get("robot") or _named(bundle))
+    robot = str(reference.options.get("robot") or robot_named(bundle, bundle.name))
     files = {"report/robot.json": Validated("report/robot.json", "robot", ())}
     for form, reader, file in bundle_readers(bundle, robot, reference):
         name = file.relative_to(bundle).as_posix()
@@ -133,14 +133,6 @@ def lost_files(bundle: Path, unread: Collection[str] = ()) -> Iterator[Finding]:
             yield LOST("robot", "the manifest lists it, and it is not there", where=name)
         elif name.partition("/")[0] in unread and digest_file(bundle / name) != digest:
             yield LOST("robot", "it was edited, and nothing here writes or reads it", where=name)
-
-
-def _named(bundle: Path) -> str:
-    """The robot's name, as the bundle's manifest has it."""
-    try:
-        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return bundle.name
 
 
 def _files(folder: Path) -> list[Path]:

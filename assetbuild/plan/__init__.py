@@ -149,10 +149,9 @@ def _finished(
     if recipe.identify:
         from assetbuild.identify.plan import identify  # few recipes have logs
 
-        identified = identify(
+        controlled, outline.fits = identify(
             recipe.identify, folder, outline.tree, tree["tree.json"], controlled, p
         )
-        controlled, outline.fits = identified.control, identified.fits
     outline.robot = _robot(edited["links.json"], tree, assembled, controlled, p)
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}

@@ -74,6 +74,11 @@ def edit_keys(entries: Sequence[OneEdit]) -> dict[str, Key]:
 def _check_patterns(edit: Edit, key: Key, tree: Tree) -> None:
     known = {"link": list(tree.by_body), "joint": list(tree.by_joint)}
     for below, kind, pattern in edit.patterns():
-        if not any(re.fullmatch(pattern, name) for name in known[kind]):
-            hint = meant_pattern(pattern, known[kind])
-            raise KeyedError((*key, *below), f"pattern `{pattern}` matches no {kind}", hint)
+        must_match((*key, *below), pattern, known[kind], kind)
+
+
+def must_match(key: Key, pattern: str, names: list[str], kind: str) -> None:
+    """KeyedError for a pattern that matches none of the names."""
+    if not any(re.fullmatch(pattern, name) for name in names):
+        hint = meant_pattern(pattern, names)
+        raise KeyedError(key, f"pattern `{pattern}` matches no {kind}", hint)

@@ -9,9 +9,9 @@ from pathlib import Path
 from assetbuild.compose.plan import check_parts
 from assetbuild.control.control import ControlStep
 from assetbuild.engine.world import World
-from assetbuild.errors import Gather, did_you_mean, meant_pattern
+from assetbuild.errors import Gather, did_you_mean
 from assetbuild.geometry.jobs import check_files
-from assetbuild.plan.edits import edits_of
+from assetbuild.plan.edits import edits_of, must_match
 from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.actuator_table import RowError
@@ -67,7 +67,7 @@ def check_against_robot(recipe: Recipe, links: Tree, tree: Tree, control: Contro
     wrong = Gather(RowError)
     for key, pattern in patterns:
         with wrong:
-            _must_match(key, pattern, names)
+            must_match(key, pattern, names, "link of the source")
     with wrong:
         control.check(tree)
     if recipe.randomize is not None:
@@ -80,12 +80,7 @@ def turned_meshes(patterns: Sequence[str], paths: Collection[str]) -> frozenset[
     """The meshes whose up axis is honoured; a pattern that matches none is an error."""
     meshes: set[str] = set()
     for index, pattern in enumerate(patterns):
-        _must_match(("source", "honour_up_axis", index), pattern, sorted(paths), "mesh")
+        key = ("source", "honour_up_axis", index)
+        must_match(key, pattern, sorted(paths), "mesh of the source")
         meshes |= {path for path in paths if re.fullmatch(pattern, path)}
     return frozenset(meshes)
-
-
-def _must_match(key: Key, pattern: str, names: list[str], kind: str = "link") -> None:
-    if not any(re.fullmatch(pattern, name) for name in names):
-        hint = meant_pattern(pattern, names)
-        raise KeyedError(key, f"pattern `{pattern}` matches no {kind} of the source", hint)

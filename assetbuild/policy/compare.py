@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import did_you_mean, quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.policy.deploy_yaml import FORM as DEPLOY
 from assetbuild.policy.robot import Bot
@@ -81,7 +81,7 @@ ENGINES = {"mujoco": "MuJoCo's", "isaaclab": "Isaac Lab's", "bus": "the motor bu
 """Orders that differ from one another, as findings call them."""
 FEW = 1.0 / 3.0
 """Up to this share of the joints, a difference is one of single joints."""
-SHOWN = 4
+SHOWN, MORE = 4, " and {} more"
 UNIT_SLIPS = {
     math.degrees(1.0): "57.3 times as large, as if it were in degrees",
     math.radians(1.0): "57.3 times too small, as if it were per degree",
@@ -128,7 +128,7 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
         )
     silent = [n for n in policy.acts_on if n not in policy.kp or n not in policy.kd]
     if silent:
-        text = f"it does not state the gains of {_listed(silent)}: the bundle's hold"
+        text = f"it does not state the gains of {quoted(silent, SHOWN, MORE)}: the bundle's hold"
         yield GAINS("policy", text, severity="info", data={"joints": tuple(silent)})
     yield from _outside(policy, bot)
     quat = policy.start_quat
@@ -169,7 +169,7 @@ def _joints(policy: Policy, bot: Bot) -> Iterator[Finding]:
             yield JOINTS(f"joint {name}", "the robot has no such joint", hint)
     left = [name for name in bot.driven if name not in policy.acts_on]
     if left:
-        text = f"it leaves {len(left)} driven joints alone: {_listed(left)}"
+        text = f"it leaves {len(left)} driven joints alone: {quoted(left, SHOWN, MORE)}"
         yield JOINTS("policy", text, severity="info", data={"joints": tuple(left)})
 
 
@@ -228,7 +228,8 @@ def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
     if not off:
         text = f"the joints stand in {ENGINES[engine]} order; its trainer counts them otherwise"
     else:
-        text = f"the joints stand in no engine's order; {ENGINES[engine]}, but for {_listed(off)}"
+        listed = quoted(off, SHOWN, MORE)
+        text = f"the joints stand in no engine's order; {ENGINES[engine]}, but for {listed}"
     yield ORDER("policy", text, data={"nearest": engine, "joints": tuple(off)})
 
 
@@ -348,12 +349,13 @@ def _sides(column: Column, policy: Policy, names: Sequence[str]) -> Iterator[Fin
         yield column.rule("policy", message, severity="warning", data={"joints": joints})
     minus = [name for name in names if column.rule is SCALE and values[name] < 0.0]
     if minus:
-        text = f"{column.what} of {_listed(minus)} is negative: the joint goes the other way"
+        listed = quoted(minus, SHOWN, MORE)
+        text = f"{column.what} of {listed} is negative: the joint goes the other way"
         yield column.rule("policy", text, severity="warning", data={"joints": tuple(minus)})
 
 
 def _of(differ: list[str], names: list[str]) -> str:
-    return "all joints" if len(differ) == len(names) else _listed(differ)
+    return "all joints" if len(differ) == len(names) else quoted(differ, SHOWN, MORE)
 
 
 def _both(column: Column, name: str) -> str:
@@ -362,8 +364,3 @@ def _both(column: Column, name: str) -> str:
 
 def _row(values: Sequence[float]) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[:SHOWN])
-    return shown + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")

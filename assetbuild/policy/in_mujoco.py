@@ -22,7 +22,7 @@ REACH_M = 10.0
 
 
 class InMujoco:
-    """`mjcf/scene.xml` or `scene_mjx.xml`: see `replay.World`. UsageError where it is missing."""
+    """`mjcf/scene.xml` or `scene_mjx.xml`: a `replay.World`. UsageError where it is missing."""
 
     def __init__(self, bot: Bot, policy: Policy, scene: str = "scene.xml") -> None:
         path = bot.bundle / "mjcf" / scene
@@ -69,7 +69,7 @@ class InMujoco:
         )
 
     def drive(self, targets: Mapping[str, float], seconds: float) -> None:
-        """In whole steps of the model."""
+        """Hold targets, rad or m by joint, for a while, in whole steps of the model."""
         model, data = self.model, self.data
         for drive in self.drives:
             if drive.joint_name in targets:
@@ -80,7 +80,7 @@ class InMujoco:
         mj.mj_kinematics(model, data)
 
     def strain(self) -> tuple[float, float]:
-        """Drives at their limit; speed of what touches the floor."""
+        """(share of the drives at their limit, mean speed of the feet on the floor in m/s)."""
         model, data = self.model, self.data
         most = np.abs(model.actuator_forcerange).max(axis=1)
         limited = (model.actuator_forcelimited != 0) & (most > 0.0)

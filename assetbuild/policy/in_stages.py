@@ -17,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from assetbuild.engine.world import World as Files
 from assetbuild.errors import MachineError, StepError, UsageError
@@ -25,28 +26,24 @@ from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import Seen
-from assetbuild.robot.pose import Array, Pose, normalised_quat, rotation_of, vec3
+from assetbuild.robot.pose import Pose, normalised_quat, rotation_of, vec3
 from assetbuild.simulators import mujoco, newton, physx
 from assetbuild.simulators.experiments import CLEARANCE_M, Experiment, Outcome, standing
 from assetbuild.simulators.stages import perform_on_stages
 
 STARTS_S, STEPS_S = 180.0, 60.0
 """Wall-clock limits: until an engine has loaded the robot, and for one step of a policy."""
-Perform = Callable[[Path, list[Experiment]], Mapping[str, Outcome]]
+Perform = Callable[[Path, list[Experiment], float], Mapping[str, Outcome]]
 
 
-def _in_newton(main: Path, experiments: list[Experiment]) -> Mapping[str, Outcome]:
+def _in_newton(main: Path, experiments: list[Experiment], seconds: float) -> Mapping[str, Outcome]:
     def start(job: dict[str, object], folder: Path) -> str:
-        return newton.HOME.ask(newton.PROGRAM, job, folder, 3600.0)[1]
+        return newton.HOME.ask(newton.PROGRAM, job, folder, seconds)[1]
 
     return perform_on_stages(start, main, experiments)
 
 
-def _in_physx(main: Path, experiments: list[Experiment]) -> Mapping[str, Outcome]:
-    return physx.perform(main, experiments, 3600.0)
-
-
-ENGINES: Mapping[str, Perform] = {"newton": _in_newton, "physx": _in_physx}
+ENGINES: Mapping[str, Perform] = {"newton": _in_newton, "physx": physx.perform}
 
 
 def unavailable_reason(engine: str) -> str:
@@ -66,7 +63,7 @@ def require(engine: str) -> None:
 
 
 class InStages:
-    """`usd/<robot>.usda` on a floor: see `replay.World`; a context manager.
+    """`usd/<robot>.usda` on a floor: a `replay.World`; a context manager.
 
     MachineError where the engine is not there; UsageError where the USD is not; StepError where the
     engine fails.
@@ -113,7 +110,7 @@ class InStages:
     def _work(self) -> None:
         """In a thread of its own, until the engine's process has ended."""
         try:
-            done = self._perform(self._main, [self._experiment])[self._experiment.name]
+            done = self._perform(self._main, [self._experiment], 3600.0)[self._experiment.name]
             self._failure = done.failure
         except (StepError, MachineError) as error:
             self._failure = error.message
@@ -150,7 +147,7 @@ class InStages:
             place=place,
             quat=quat,
             linear=np.asarray(turn.T @ (place - np.array(root[:3]))) / self._dt,
-            angular=_turned(before.T @ turn) / self._dt,
+            angular=Rotation.from_matrix(before.T @ turn).as_rotvec() / self._dt,
             q=q,
             v={name: (value - joints[name]) / self._dt for name, value in q.items()},
         )
@@ -166,16 +163,6 @@ class InStages:
     def strain(self) -> tuple[float, float]:
         """These engines do not tell."""
         return float("nan"), float("nan")
-
-
-def _turned(turn: Array) -> Array:
-    """(3,) the rotation vector of a small turn, rad."""
-    off = (
-        np.array((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])) / 2.0
-    )
-    sine = float(np.linalg.norm(off))
-    angle = float(np.arctan2(sine, (np.trace(turn) - 1.0) / 2.0))
-    return off * (angle / sine) if sine > 0.0 else off
 
 
 def _experiment(bot: Bot, policy: Policy) -> Experiment:

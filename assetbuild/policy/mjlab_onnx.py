@@ -24,12 +24,8 @@ WORDS = {
     "command": "velocity_commands",
 }
 """mjlab's names of observations -> those of `terms`; velocities come from sensors at the IMU."""
+EVERYTHING = (float("-inf"), float("inf"))
 NEEDED = ("joint_names", "default_joint_pos", "action_scale", "observation_names")
-
-
-def has_metadata(metadata: Mapping[str, str]) -> bool:
-    """Whether an ONNX file was written by mjlab's exporter."""
-    return "joint_names" in metadata and "observation_names" in metadata
 
 
 def read_metadata(path: Path, metadata: Mapping[str, str], bot: Bot) -> Policy:
@@ -87,7 +83,7 @@ def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> 
         for key in ("scale", "clip", "history_length", "flatten_history_dim")
     )
     for index, name in enumerate(names):
-        clip = _pair(clips, index)
+        clip = _row(clips, index)
         if flat[index : index + 1] == ["False"] and _number(histories, index, 0.0) > 1.0:
             raise UsageError(f"`{path.name}`: the history of `{name}` is not flattened")
         yield Term(
@@ -95,7 +91,7 @@ def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> 
             WORDS.get(name, name),
             joints=joints if name in ("joint_pos", "joint_vel") else (),
             scale=_row(scales, index) or (1.0,),
-            clip=clip if clip and clip != (float("-inf"), float("inf")) else None,
+            clip=(clip[0], clip[1]) if len(clip) == 2 and clip != EVERYTHING else None,
             history=max(1, int(_number(histories, index, 1.0))),
         )
 
@@ -110,8 +106,3 @@ def _row(words: list[str], index: int) -> tuple[float, ...]:
 
 def _number(words: list[str], index: int, default: float) -> float:
     return (_row(words, index) or (default,))[0]
-
-
-def _pair(words: list[str], index: int) -> tuple[float, float] | None:
-    row = _row(words, index)
-    return (row[0], row[1]) if len(row) == 2 else None

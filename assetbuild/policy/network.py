@@ -37,7 +37,7 @@ class Network:
     def __init__(self, path: Path) -> None:
         _refuse(path)
         program = Path(__file__).with_name("_network_child.py")
-        command = [sys.executable, "-P", "-s", "-c", _START, str(program), str(path.absolute())]
+        command = [sys.executable, "-P", "-s", str(program), str(path.absolute())]
         self._path = path
         self._child = subprocess.Popen(
             command,
@@ -133,11 +133,6 @@ class Network:
 def _answer(state: str) -> str:
     """The output with the next value of a recurrent state."""
     return state.replace("_in", "_out") if "_in" in state else ""
-
-
-_START = (
-    "import sys, runpy; sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0], run_name='__main__')"
-)
 
 
 def _refuse(path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from assetbuild.errors import UsageError
 from assetbuild.policy.deploy_yaml import read_deploy
 from assetbuild.policy.isaaclab_yaml import read_env
-from assetbuild.policy.mjlab_onnx import has_metadata, read_metadata
+from assetbuild.policy.mjlab_onnx import read_metadata
 from assetbuild.policy.network import Network
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
@@ -74,7 +74,7 @@ def _read(path: Path, bot: Bot) -> Policy:
         )
     with Network(network) as loaded:
         metadata = loaded.metadata
-    if not has_metadata(metadata):
+    if not {"joint_names", "observation_names"} <= metadata.keys():  # as mjlab writes them
         raise UsageError(
             f"`{network.name}` does not say which joints it drives",
             hint="put its `deploy.yaml` or Isaac Lab's `params/env.yaml` beside it",

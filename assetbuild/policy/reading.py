@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.errors import UsageError, Where
+from assetbuild.facts import plain_yaml
 
 LARGEST_BYTES = 4 << 20
 
@@ -29,20 +30,9 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain data, here and below
         return node.value
 
     Loader.add_multi_constructor("", untagged)
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise UsageError(f"`{path.name}` has more than {LARGEST_BYTES >> 20} MB")
-        data = yaml.load(path.read_bytes(), Loader=Loader)  # noqa: S506 # a safe one
-    except OSError as error:
-        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        problem = getattr(error, "problem", None) or "no UTF-8 text, or too deep"
-        where = Where(path.name, mark.line + 1 if mark else 0)
-        raise UsageError(f"not readable as YAML: {problem}", where=where) from None
-    if not isinstance(data, dict):
-        raise UsageError(f"`{path.name}` holds no mapping")
-    return data
+    if path.is_file() and path.stat().st_size > LARGEST_BYTES:
+        raise UsageError(f"`{path.name}` has more than {LARGEST_BYTES >> 20} MB")
+    return plain_yaml.read_yaml(path, Loader)
 
 
 class Said:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +15,13 @@ from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import Now, Observer, Seen
 from assetbuild.robot.pose import Array
+
+if TYPE_CHECKING:
+    from assetbuild.policy.in_mujoco import InMujoco
+    from assetbuild.policy.in_stages import InStages
+
+    World = InMujoco | InStages
+    """A robot on a floor in some engine, at its start pose when it is made."""
 
 FALLEN_RAD = 1.0
 """Tilt of the base against the vertical from which on it has fallen."""
@@ -36,22 +42,6 @@ MOMENTS = 6
 def whole_steps(step_s: float, timestep_s: float) -> bool:
     """Whether a simulation comes to the end of a policy's step."""
     return abs(step_s / timestep_s - max(1, round(step_s / timestep_s))) < 1e-6
-
-
-class World(Protocol):
-    """A robot on a floor in some engine, at its start pose when it is made."""
-
-    def seen(self) -> Seen:
-        """Its state."""
-        ...
-
-    def drive(self, targets: Mapping[str, float], seconds: float) -> None:
-        """Hold targets, rad or m by joint, for a while."""
-        ...
-
-    def strain(self) -> tuple[float, float]:
-        """(share of the drives at their limit, mean speed of the feet on the floor in m/s)."""
-        ...
 
 
 @dataclass(frozen=True)

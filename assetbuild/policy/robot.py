@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.facts.reference import Reference
+from assetbuild.facts.reference import Reference, robot_named
 from assetbuild.policy.stated import ByJoint, Policy, Term
 from assetbuild.policy.terms import unknown
 from assetbuild.robot.initial import initial_pose
@@ -95,28 +94,17 @@ def bot_of(bundle: Path) -> Bot:
     """The robot of a bundle. UsageError where there is none."""
     reference = Reference.of_bundle(bundle)
     imu = (reference.options.get("imu") or {}).get("link")
-    name = _named(bundle) or reference.tree.name
+    name = robot_named(bundle, reference.tree.name)
     return bot_from(bundle, name, reference.tree, reference.control, imu)
 
 
 def bot_from(folder: Path, name: str, tree: Tree, control: Control, imu: str | None) -> Bot:
     """A robot whose files lie in a folder as in a bundle. UsageError where nothing drives it."""
-    contract = next(iter(sorted(folder.glob(CONTRACT))), None)
-    bus: tuple[str, ...] = ()
-    if contract is not None:
-        stated = read_yaml(contract).get("orders", {}).get(BUS, ())
-        bus = tuple(name for name in stated if name in tree.by_joint)
+    stated = [read_yaml(contract).get("orders", {}) for contract in sorted(folder.glob(CONTRACT))]
+    bus = tuple(name for name in dict(*stated[:1]).get(BUS, ()) if name in tree.by_joint)
     known = {*tree.by_body, *(frame.name for frame in tree.frames)}
     orders = joint_orders(tree, bus)
     bot = Bot(folder, name, tree, control, orders, imu if imu in known else None)
     if not bot.driven:
         raise UsageError(f"{name}: no joint of the robot has a drive")
     return bot
-
-
-def _named(bundle: Path) -> str:
-    """The stem of the bundle's files, as its manifest has it."""
-    try:
-        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""

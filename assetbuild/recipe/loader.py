@@ -187,7 +187,7 @@ def _load(
 ) -> LoadedRecipe:
     """One recipe without its parts."""
     file = shown_path(path)
-    data = read_small_file(path, file, RecipeError, world)
+    data = read_small_file(path, RecipeError, world)
     refuse_pointer(data, where=Where(file))
     _refuse_robot(data, file)
     root = parse(data, file, RecipeError)
@@ -283,12 +283,9 @@ def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
     if named is None or not isinstance(named.node.value, str):
         return root  # a wrong type is reported with all other errors of the recipe
     path = Path(os.path.normpath(recipe.parent / named.node.value))
-    file = shown_path(path)
-    motors = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)
-    if not isinstance(motors.value, dict):
-        hint = "a motor file is a map of motors: `go1_hip: {gear: 6, effort: 23.7}`"
-        actual = described(motors)
-        raise RecipeError(f"expected a map, found {actual}", where=motors.where, hint=hint)
+    hint = "a motor file is a map of motors: `go1_hip: {gear: 6, effort: 23.7}`"
+    motors = read_map(path, RecipeError, world, "a map", hint)
+    assert isinstance(motors.value, dict)  # noqa: S101 # that is what it is
     recipe_motors = entries.get("motors")
     if recipe_motors is None:
         entries["motors"] = Entry(motors.where, motors)
@@ -308,14 +305,22 @@ def shown_path(path: Path) -> str:
     return path.as_posix()
 
 
-def read_small_file(
-    path: Path, file: str, error: type[AssetBuildError], world: World | None = None
-) -> bytes:
+def read_map(
+    path: Path, error: type[AssetBuildError], world: World | None, what: str, hint: str
+) -> Node:
+    """The tree of a YAML file that is a map. what: `a map` in words that say where."""
+    root = parse(read_small_file(path, error, world), shown_path(path), error)
+    if not isinstance(root.value, dict):
+        raise error(f"expected {what}, found {described(root)}", where=root.where, hint=hint)
+    return root
+
+
+def read_small_file(path: Path, error: type[AssetBuildError], world: World | None = None) -> bytes:
     """The bytes of a regular file; `error` for one that is missing, no file, or too long.
 
     world: of a build, which notes that it asked.
     """
-    where, world = Where(file), world or World()
+    where, world = Where(shown_path(path)), world or World()
     world.is_file(path)
     try:
         status = path.stat()

@@ -83,21 +83,19 @@ def validated(
     for name in misnamed:
         with wrong:
             raise error(name.message, where=locate(root, name.key), hint=name.hint)
-    details: list[Any] = []  # Any: pydantic's ErrorDetails, as in `_Place`
+    details: list[Any] = []  # Any: pydantic's ErrorDetails, whose ctx is open
     try:
         valid = model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
         details = list(problem.errors(include_url=False, include_input=False))
-    placed = sorted(
-        (_find(raw, root) for raw in details), key=lambda p: (p.where.line, p.where.column)
-    )
-    known = whole() if whole and placed else model  # importing every plug-in takes long
-    problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
+    details.sort(key=lambda raw: _in_file_order(raw, root))
+    known = whole() if whole and details else model  # importing every plug-in takes long
+    problems = _distinct([_explained(raw, root, known) for raw in details[:_EXPLAINED]])
     for one in _telling(problems, misnamed):
         message = f"{key_text(one.key)}: {one.message}" if one.key else one.message
         with wrong:
             raise error(message, where=one.where, hint=one.hint)
-    wrong.stop(uncounted=len(placed[_EXPLAINED:]))
+    wrong.stop(uncounted=len(details[_EXPLAINED:]))
     return valid
 
 
@@ -142,16 +140,6 @@ def key_text(key: Key) -> str:
 
 
 @dataclass(frozen=True)
-class _Place:
-    """An error of pydantic, found in the file. key, node: what it is about."""
-
-    raw: Any  # Any: pydantic's ErrorDetails, whose ctx is open
-    key: Key
-    node: Node
-    where: Where
-
-
-@dataclass(frozen=True)
 class _Problem:
     """key: where it is shown; reach: how deep the checker got, one more for a missing key."""
 
@@ -162,20 +150,21 @@ class _Problem:
     reach: Key
 
 
-def _find(raw: Any, root: Node) -> _Place:  # Any: as above
+def _found(raw: Any, root: Node) -> tuple[Key, Node, Where]:  # Any: as above
+    """What an error of pydantic is about, and where that stands."""
     key, node = _follow(root, raw["loc"])
     whole = isinstance(node.value, dict | tuple) or node.value is None
     at_key = whole or raw["type"] == "extra_forbidden" or raw["loc"][-1:] == ("[key]",)
-    return _Place(raw, key, node, locate(root, key) if at_key else node.where)
+    return key, node, locate(root, key) if at_key else node.where
 
 
-def _in_file_order(problem: _Place | _Problem) -> tuple[int, int, Key]:
-    key = tuple(str(part) for part in problem.key)
-    return problem.where.line, problem.where.column, key
+def _in_file_order(raw: Any, root: Node) -> tuple[int, int, Key]:  # Any: as above
+    key, _, where = _found(raw, root)
+    return where.line, where.column, tuple(map(str, key))
 
 
-def _explained(place: _Place, model: type[BaseModel]) -> _Problem:
-    raw, key = place.raw, place.key
+def _explained(raw: Any, root: Node, model: type[BaseModel]) -> _Problem:  # Any: as above
+    key, node, where = _found(raw, root)
     reach = key
     if raw["type"] == "missing":
         name = raw["loc"][-1]
@@ -185,8 +174,8 @@ def _explained(place: _Place, model: type[BaseModel]) -> _Problem:
     elif raw["loc"][-1:] == ("[key]",):
         message, hint = f"not a valid name: {_said(raw)}", ""
     else:
-        message, hint = _sentence(raw, raw["type"], key, place.node, model)
-    return _Problem(key, place.where, message, hint, reach)
+        message, hint = _sentence(raw, raw["type"], key, node, model)
+    return _Problem(key, where, message, hint, reach)
 
 
 def _follow(root: Node, loc: tuple[str | int, ...]) -> tuple[Key, Node]:
@@ -276,7 +265,7 @@ def _distinct(problems: list[_Problem]) -> list[_Problem]:
         known = by_key.setdefault(key, problem)
         if known is not problem and problem.message.startswith("expected "):
             by_key[key] = _either(known, problem)
-    return sorted(by_key.values(), key=_in_file_order)
+    return list(by_key.values())
 
 
 def _either(a: _Problem, b: _Problem) -> _Problem:

@@ -16,7 +16,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from assetbuild.errors import Gather, did_you_mean, meant_pattern
+from assetbuild.errors import Gather, did_you_mean, meant_pattern, quoted
 from assetbuild.robot.actuator_table import ActuatorRow, Motor, extended
 from assetbuild.robot.actuator_table import RowError as RowError
 from assetbuild.robot.closure import felt_inertia
@@ -352,6 +352,5 @@ def _first(*values: float | None) -> float:
 
 
 def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[:8])
-    more = f" and {len(names) - 8} more" if len(names) > 8 else ""
-    return f"{'joint' if len(names) == 1 else 'joints'} {shown}{more}"
+    word = "joint" if len(names) == 1 else "joints"
+    return f"{word} {quoted(names, 8, ' and {} more')}"

@@ -68,7 +68,7 @@ def patched(patches: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) ->
 def _of_diff(patch: Patch, folder: Path, world: World) -> list[PatchText]:
     path = Path(os.path.normpath(folder / str(patch.diff)))
     file = shown_path(path)
-    data = read_small_file(path, file, RecipeError, world)
+    data = read_small_file(path, RecipeError, world)
     steps = [
         PatchText(file=name, find=find, replace=replace, because=patch.because)
         for name, find, replace in _hunks(data.decode("utf-8", "replace"), file)

@@ -23,6 +23,7 @@ from assetbuild.engine.libraries import Libraries
 from assetbuild.engine.planner import settle
 from assetbuild.engine.processes import Processes, stage
 from assetbuild.engine.session import Session
+from assetbuild.engine.stamps import Stamps
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.engine.wire import step_to_json
@@ -192,7 +193,7 @@ def names_of(words: tuple[str, ...]) -> Iterator[str]:
 
 @pytest.mark.slow
 def test_what_a_run_loads_opens_or_starts_is_in_its_key(runs: list[Seen], code: Code):
-    libraries = Libraries()
+    libraries = Libraries(Stamps())
     wrong = {
         (run.step.__module__, what)
         for run in runs

@@ -226,7 +226,7 @@ def test_a_child_has_the_import_hooks_of_the_user_s_own_site_folder(session, tmp
 
 @pytest.mark.parametrize(("memory_mb", "together"), [(6000, True), (5999, False)])
 def test_declared_memory_bounds_what_runs_at_once(
-    session: Session, tmp_path, memory_mb: int, together: bool
+    session: Session, tmp_path, monkeypatch, memory_mb: int, together: bool
 ):
     place = tmp_path / "place"
     place.mkdir()
@@ -237,6 +237,7 @@ def test_declared_memory_bounds_what_runs_at_once(
             Big(number=number, company=2, folder=str(place), patience_s=300.0 if together else 0.5),
         )
     planner.add("small", Mix())
-    results = execute(planner.graph(), session, jobs=3, memory_mb=memory_mb)
+    monkeypatch.setattr(Processes, "memory_mb", memory_mb)
+    results = execute(planner.graph(), session, jobs=3)
     met = sorted(session.read(results[label]["out"]) for label in "01")
     assert met == ([b"2", b"2"] if together else [b"1", b"2"])

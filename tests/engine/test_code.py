@@ -306,8 +306,6 @@ def test_a_file_that_was_written_just_now_is_read_again(package, tmp_path, reads
         lambda _: "",
         lambda text: json.dumps({**json.loads(text), "files": {"/a": [1]}}),
         lambda text: json.dumps({**json.loads(text), "format": 0}),
-        lambda text: json.dumps({**json.loads(text), "notes": {"stamp": "", "read": {}}}),
-        lambda text: json.dumps({**json.loads(text), "notes": []}),
     ],
 )
 def test_a_spoilt_cache_counts_as_empty(package, tmp_path, never_racy, spoil: Callable[[str], str]):
@@ -364,7 +362,7 @@ def test_threads_that_ask_at_once_have_one_answer(package):
     package.look()
     step = sys.modules[f"{package.name}.weigh"].Weigh
     for _ in range(5):
-        libraries_module._READ.clear()
+        libraries_module._said.cache_clear()
         code = Code()
         with ThreadPoolExecutor(8) as pool:
             found = list(pool.map(lambda _: code.of(step), range(8)))  # noqa: B023

@@ -111,7 +111,7 @@ def test_a_cache_cut_at_any_byte_counts_as_empty(tmp_path, later):
 
 @pytest.mark.parametrize("entry", [[1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 6], 1, None])
 def test_a_foreign_cache_counts_as_empty(tmp_path, entry):
-    text = json.dumps({"format": "digests", "files": {"x": entry}, "notes": None})
+    text = json.dumps({"format": "digests", "files": {"x": entry}})
     (tmp_path / "cache.json").write_text(text)
     assert Stamps(tmp_path / "cache.json")._old == {}
 

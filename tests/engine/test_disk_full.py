@@ -18,11 +18,11 @@ from steps_for_tests import Mix, Split
 
 from assetbuild.cli import main
 from assetbuild.engine.claims import release
-from assetbuild.engine.execute import execute, first_error
+from assetbuild.engine.execute import execute
 from assetbuild.engine.housekeeping import check
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store, machine_error
+from assetbuild.engine.store import Store, machine_errors
 from assetbuild.errors import AssetBuildError, MachineError
 from assetbuild.pipeline.publish import new_staging, publish
 
@@ -100,9 +100,9 @@ def build(root: Path, source: Path, dest: Path) -> bytes:
         mix = planner.add("mix", Mix(), {"all/": split["parts/"]})
         planner.add("last", Mix(salt=1), {"in": mix["out"]})
         results = execute(planner.graph(), session, jobs=1)
-        error = first_error(results)
-        if error is not None:
-            raise error
+        for result in results.values():
+            if result.error is not None:
+                raise result.error
         session.store.restore(results["last"]["out"], dest)
         return dest.read_bytes()
 
@@ -148,13 +148,12 @@ def fill(out: Path, content: str) -> None:
     """What a build does with a finished bundle; OSError is its caller's to name."""
     staging = new_staging(out)
     try:
-        (staging / "folder").mkdir()
-        for name in ("manifest.json", "a", "folder/b"):
-            with (staging / name).open("w") as file:
-                file.write("{}" if name == "manifest.json" else content)
-        publish(staging, out, {})
-    except OSError as error:
-        raise machine_error(error, out) from error
+        with machine_errors(out):
+            (staging / "folder").mkdir()
+            for name in ("manifest.json", "a", "folder/b"):
+                with (staging / name).open("w") as file:
+                    file.write("{}" if name == "manifest.json" else content)
+            publish(staging, out, {})
     finally:
         release(staging)
 

@@ -184,5 +184,5 @@ def test_a_read_only_store_is_left_alone(tmp_path: Path):
     build(tmp_path / "store", tmp_path / "log", "a")
     (tmp_path / "store/v1/tmp").chmod(0o500)
     store = open_store(tmp_path / "store")
-    assert store.is_temporary
+    assert store.notice
     store.close()

@@ -7,6 +7,7 @@ named, and to no other.
 
 from __future__ import annotations
 
+import io
 import netrc
 import os
 import threading
@@ -77,14 +78,11 @@ class HttpPlace:
 
     def put(self, name: str, body: bytes | Path) -> None:
         """Upload bytes or a file."""
-        if isinstance(body, bytes):
-            self._put(name, body, len(body))
-        else:
-            with body.open("rb") as file:
-                self._put(name, file, body.stat().st_size)
-
-    def _put(self, name: str, body: Any, size: int) -> None:  # Any: bytes or a file
-        with self._asked("PUT", name, body, size) as response:
+        size = len(body) if isinstance(body, bytes) else body.stat().st_size
+        with (
+            io.BytesIO(body) if isinstance(body, bytes) else body.open("rb") as file,
+            self._asked("PUT", name, file, size) as response,
+        ):
             if response.status == 404:
                 raise ValueError("it answered 404")
             for _ in self._body(response, ANSWER_BYTES):
@@ -124,7 +122,7 @@ class HttpPlace:
             except urllib3.exceptions.ProtocolError:
                 if attempt == 2:
                     raise
-                if hasattr(body, "seek"):  # a server may close a connection that was kept
+                if body is not None:  # a server may close a connection that was kept
                     body.seek(0)
         raise AssertionError
 

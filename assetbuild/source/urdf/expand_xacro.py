@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from assetbuild.engine.confine import bare_environment
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean, nearest
 from assetbuild.findings import Finding, Rule
@@ -144,7 +145,7 @@ class ExpandXacro(Step):
                 [sys.executable, "-P", "-s", "-c", PROGRAM, path],
                 input=json.dumps(job).encode(),
                 capture_output=True,
-                env=_bare_environment(),
+                env=bare_environment(),
                 timeout=SECONDS,
             )
         except subprocess.TimeoutExpired:
@@ -218,10 +219,3 @@ def _old_style(file: Path) -> str:
 def _bytes_of(file: Path) -> bytes:
     """None, if there is no such file."""
     return file.read_bytes() if file.is_file() else b""
-
-
-def _bare_environment() -> dict[str, str]:
-    """Nothing of the user's, but what the interpreter itself needs to start."""
-    needed = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
-    fixed = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
-    return {name: os.environ[name] for name in needed if name in os.environ} | fixed

@@ -8,27 +8,21 @@ not. The job comes as JSON on the standard input, the answer goes to the standar
 
 from __future__ import annotations
 
-import json
 import os
 import re
-import resource
 import sys
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from assetbuild.engine.confine import confine
+from assetbuild.engine.confine import LISTING, REFUSED, confine, do_one_job
 
 MEMORY_BYTES = 2 << 30
 ABSENT = ".absent"
 """Folder below the tree, which does not exist, for packages that the source does not have."""
 READING = os.O_ACCMODE | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 """Bits of `open`'s flags that are all 0 (`O_RDONLY`) for reading."""
-LISTING = ("os.listdir", "os.scandir")
-REFUSED = (
-    "os.", "shutil.", "socket.", "subprocess.", "ctypes.", "tempfile.", "pty.", "mmap.",
-    "fcntl.", "signal.", "sys.", "webbrowser.", "urllib.", "gc.",
-)  # fmt: skip
-"""Audit events that no robot description needs."""
+NEVER = ("sys.", "gc.")
+"""Audit events that no robot description needs, besides `REFUSED`."""
 
 
 class RefusedError(Exception):
@@ -57,7 +51,7 @@ class Guard:
                 self.refuse(
                     f"lists the folder `{printable(path)}`, which is not below the packages"
                 )
-        elif event.startswith(REFUSED):
+        elif event.startswith((*REFUSED, *NEVER)):
             self.refuse(f"wants to use `{event}`, which no robot description needs")
 
     def opened(self, path: str, flags: int) -> None:
@@ -92,21 +86,13 @@ def printable(path: object) -> str:
 
 def main() -> None:
     """Expand one file as the job says."""
-    job = json.loads(sys.stdin.read())
-    answer = os.dup(1)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    guard = Guard(os.path.realpath(job["tree"]))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    result = _run(job, guard)
-    data = json.dumps(result).encode()
-    while data:
-        data = data[os.write(answer, data) :]
-    os._exit(0)
+    do_one_job(_run, MEMORY_BYTES)
 
 
-def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
+def _run(job: dict[str, Any]) -> dict[str, object]:  # Any: JSON
     import xacro
 
+    guard = Guard(os.path.realpath(job["tree"]))
     os.chdir(guard.tree)
     packages = {name: _joined(guard.tree, folder) for name, folder in job["packages"].items()}
     packages |= {name: _joined(guard.tree, f"{ABSENT}/{name}") for name in job["absent"]}

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError, did_you_mean, meant_pattern
+from assetbuild.errors import StepError, did_you_mean, meant_pattern, quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.robot.contact import Contact
@@ -155,7 +155,7 @@ class Xrdf(Target):
             if bare:
                 yield LIMITS(
                     "recipe xrdf",
-                    f"nobody states the {key} of {len(bare)} joints: {_listed(bare)}",
+                    f"nobody states the {key} of {len(bare)} joints: {quoted(bare, 6)}",
                     hint=f"state `xrdf: {{{key}: ...}}`, one number or one for each pattern",
                     data={"joints": tuple(bare)},
                 )
@@ -165,14 +165,14 @@ class Xrdf(Target):
             yield TOOL_FRAMES(
                 "recipe xrdf",
                 "the recipe names no link that a planner moves to a goal",
-                hint=f"state `xrdf: {{tool_frames: [...]}}`; nothing hangs on {_listed(ends)}",
+                hint=f"state `xrdf: {{tool_frames: [...]}}`; nothing hangs on {quoted(ends, 6)}",
                 data={"ends": tuple(ends)},
             )
         if robot.control.loops:
             named = [loop.name for loop in robot.control.loops]
             yield LOOP(
                 "robot",
-                f"a planner would move {len(named)} closed loops as open ones: {_listed(named)}",
+                f"a planner would move {len(named)} closed loops as open ones: {quoted(named, 6)}",
                 hint="leave `xrdf` out of the targets",
                 data={"loops": tuple(named)},
             )
@@ -223,7 +223,3 @@ def _refuse_joints(tree: Tree) -> None:
                 hint="leave `xrdf` out of `targets`, or make hinges and slides of it by `edits: "
                 f"[split_joint: {{joint: {joint.name}}}]`",
             )
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names[:6]) + ", ..." * (len(names) > 6)
