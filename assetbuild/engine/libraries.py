@@ -111,7 +111,7 @@ def _metadata_folders() -> dict[str, Path]:
 
 @functools.cache
 def _said(folder: Path) -> str:
-    """As `Libraries._metadata`; a process reads a distribution once."""
+    """Return the text that `Libraries._metadata` splits; a process reads each folder once."""
     requires = metadata.Distribution.at(folder).requires or ()
     return "\n".join(["\t".join(sorted(_tops(folder))), *(" ".join(r.split()) for r in requires)])
 

@@ -89,7 +89,7 @@ class LintMeshes(Step):
 
 
 def _records(inputs: Path, shapes: Sequence[str]) -> dict[str, ConvertedMesh]:
-    """Of the meshes of these shapes, by the shape's name."""
+    """Return the record of each shape's mesh, by the name of the shape."""
     return {
         name: decode_file(ConvertedMesh, inputs / "meshes" / f"{number}.json")
         for number, name in enumerate(shapes)

@@ -53,7 +53,7 @@ class CoAcdOptions(Model):
 
 
 OWN_NAMES = {"threshold", "threshold_m", "preprocess", "mcts_depth", "approximation"}
-"""Of `CoAcdOptions`, which CoACD calls otherwise."""
+"""Fields of `CoAcdOptions` that CoACD calls otherwise."""
 
 
 class Patience:

@@ -43,7 +43,7 @@ the largest mesh's: 0.8 mm on a trunk of 0.6 m, a pixel of the view. The larger 
 AREA = (0.95, 1.05)
 """Area after / before. Where decimation eats thin parts and small components, it falls."""
 DECIMALS = 5
-"""Of a metre, to which vertices are rounded."""
+"""Vertices are rounded to so many decimals of a metre."""
 
 NO_VIEWER = Rule(
     "viewer.none",

@@ -104,7 +104,7 @@ def joint_motion(joint: Joint, value: float) -> Pose:
 
 
 def unit_of(joint: Joint) -> Literal["m", "rad"]:
-    """Of its coordinate: m of a slide, rad of any other."""
+    """The unit of the joint's coordinate: m for a slide, rad for any other."""
     return "m" if joint.kind == "prismatic" else "rad"
 
 

@@ -33,7 +33,7 @@ def sign(text: str, written: Written) -> str:
 
 
 def read_signed(bundle: Path) -> tuple[Written, str, str] | None:
-    """With the stated and the true digest of the file; None of a bundle of an earlier version."""
+    """Return the record, its stated digest and the computed one; None for an earlier version."""
     robot = json.loads((bundle / "report/robot.json").read_bytes())
     signature = robot.get(KEY)
     if not isinstance(signature, dict):

@@ -234,7 +234,7 @@ def _define_physics(stage: Usd.Stage, control: Control) -> None:
 
 
 EXTENTS_DIGITS = 4
-"""Of a metre."""
+"""Decimals of a metre to which extents are rounded."""
 
 
 def write_metadata(
