@@ -49,32 +49,46 @@ class Across:
         """Lay the corners out, (m, 3) each: x and y across the rays, z along."""
         self._axes = _axes(np.asarray(direction, dtype=np.float64))
         points = (along(mesh.vertices, axis) for axis in self._axes)
-        self._x, self._y, self._z = (values[mesh.faces] for values in points)
-        self.across, self.up = _ends(self._x), _ends(self._y)
+        self._corners = tuple(values[mesh.faces] for values in points)
 
     def strike(self, origins: Array) -> Struck:
         """All that rays from origins (n, 3) strike ahead of them and behind, m."""
         x, y, z = (along(origins, axis) for axis in self._axes)
-        rays, faces = _Cells(x, y, self).pairs(self)
+        cells = _Cells(x, y, self._bounds, len(self._corners[0]))
+        near = cells.met(*self._boxes)
+        seen = _Triangles(*(values[near] for values in self._corners))
+        rays, faces = cells.pairs(seen)
         hits = [np.zeros(0, dtype=np.int64)]
         for start in range(0, len(rays), AT_ONCE):
             part = slice(start, start + AT_ONCE)
-            hits.append(start + np.flatnonzero(self._cover(x, y, rays[part], faces[part])))
+            hits.append(start + np.flatnonzero(seen.cover(x, y, rays[part], faces[part])))
         hit = np.concatenate(hits)
         rays, faces = rays[hit], faces[hit]
-        depth = self._height(x[rays], y[rays], faces) - z[rays]
+        depth = seen.height(x[rays], y[rays], faces) - z[rays]
         order = np.lexsort((depth, rays))
-        return Struck(rays[order], depth[order], (self._slopes[2][faces] < 0.0)[order])
+        return Struck(rays[order], depth[order], (seen.slopes[2][faces] < 0.0)[order])
 
     @cached_property
-    def bounds(self) -> tuple[Array, Array]:
+    def _boxes(self) -> tuple[Ends, Ends]:
+        """((least, greatest) x, (least, greatest) y) of each triangle."""
+        return _ends(self._corners[0]), _ends(self._corners[1])
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
         """(2,) corners of the picture."""
-        lower = np.array([least.min(initial=np.inf) for least, _ in (self.across, self.up)])
-        upper = np.array([most.max(initial=-np.inf) for _, most in (self.across, self.up)])
-        return lower, upper
+        lower = np.array([least.min(initial=np.inf) for least, _ in self._boxes])
+        return lower, np.array([most.max(initial=-np.inf) for _, most in self._boxes])
+
+
+class _Triangles:
+    """Those that rays may strike. x, y, z: (m, 3) of their corners, z along the rays."""
+
+    def __init__(self, x: Array, y: Array, z: Array) -> None:
+        self._x, self._y, self._z = x, y, z
+        self.across, self.up = _ends(x), _ends(y)
 
     @cached_property
-    def _slopes(self) -> tuple[Array, Array, Array]:
+    def slopes(self) -> tuple[Array, Array, Array]:
         """(dz/dx, dz/dy, the normal's part along the rays) of each triangle; edge-on: 0."""
         x, y, z = self._x, self._y, self._z
         ax, ay, az = (v[:, 1] - v[:, 0] for v in (x, y, z))
@@ -83,9 +97,9 @@ class Across:
         safe = np.where(normal != 0.0, normal, 1.0)
         return -(ay * bz - az * by) / safe, -(az * bx - ax * bz) / safe, normal
 
-    def _height(self, x: Array, y: Array, faces: Indices) -> Array:
+    def height(self, x: Array, y: Array, faces: Indices) -> Array:
         """Of the triangles' planes at points of the picture, along the rays; m."""
-        along_x, along_y, _ = self._slopes
+        along_x, along_y, _ = self.slopes
         apart_x, apart_y = x - self._x[faces, 0], y - self._y[faces, 0]
         height: Array = self._z[faces, 0] + along_x[faces] * apart_x + along_y[faces] * apart_y
         return height
@@ -108,7 +122,7 @@ class Across:
             np.where(up, *high[::-1]),
         )
 
-    def _cover(self, x: Array, y: Array, rays: Indices, faces: Indices) -> NDArray[np.bool_]:
+    def cover(self, x: Array, y: Array, rays: Indices, faces: Indices) -> NDArray[np.bool_]:
         """Which triangles lie over their point: an odd number of edges to the right of it."""
         low_x, low_y, high_x, high_y = (values[faces] for values in self._edges)
         at_x, at_y = x[rays, None], y[rays, None]
@@ -136,13 +150,16 @@ class Across:
 
 
 class _Cells:
-    """Rays through points x, y (n,), sorted into the cells of a picture."""
+    """Rays, sorted into the cells of a picture.
 
-    def __init__(self, x: Array, y: Array, triangles: Across) -> None:
-        self._lower, upper = triangles.bounds
+    x, y: (n,); bounds: lower and upper corner of the picture of so many triangles.
+    """
+
+    def __init__(self, x: Array, y: Array, bounds: tuple[Array, Array], triangles: int) -> None:
+        self._lower, upper = bounds
         inside = (x >= self._lower[0]) & (x <= upper[0]) & (y >= self._lower[1]) & (y <= upper[1])
         self._rays = np.flatnonzero(inside)
-        wanted = min(CELLS * len(self._rays), len(triangles.up[0]))
+        wanted = min(CELLS * len(self._rays), triangles)
         self._side = int(np.clip(wanted**0.5, LEAST_CELLS, MOST_CELLS))
         self._size = np.maximum(upper - self._lower, 1e-300) / self._side
         cells = self._row(y[self._rays]) * self._side + self._column(x[self._rays])
@@ -156,7 +173,20 @@ class _Cells:
     def _row(self, y: Array) -> Indices:
         return _cell(y, self._lower[1], self._size[1], self._side)
 
-    def pairs(self, triangles: Across) -> tuple[Indices, Indices]:
+    def met(self, across: Ends, up: Ends) -> Indices:
+        """Numbers of the triangles whose box shares a cell with a ray: no other can be struck."""
+        table = np.zeros((self._side + 1, self._side + 1), dtype=np.int64)
+        counts = self._counts.reshape(self._side, self._side)
+        table[1:, 1:] = counts.cumsum(axis=0).cumsum(axis=1)
+        flat, width = table.ravel(), self._side + 1
+        near = NEAR * self._size[0]
+        left, right = self._column(across[0] - near), self._column(across[1] + near)
+        below, above = self._row(up[0]) * width, (self._row(up[1]) + 1) * width
+        rays = flat[above + right + 1] - flat[above + left]
+        rays -= flat[below + right + 1] - flat[below + left]
+        return np.flatnonzero(rays)
+
+    def pairs(self, triangles: _Triangles) -> tuple[Indices, Indices]:
         """(rays, triangles) that share a cell, by the numbers of both."""
         first = self._row(triangles.up[0])
         rows = self._row(triangles.up[1]) - first + 1
