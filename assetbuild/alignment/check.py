@@ -160,7 +160,7 @@ def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
     if not is_pure:
         soft |= {a.joint: FRICTION for a in both.control.actuators if a.friction > 0.0}
     hasty, hard = "" if is_pure else _hasty(both.control, ours), None
-    # After a touch two motions have nothing more to do with one another: told, not judged.
+    # After a touch two motions have nothing more in common: reported, not judged.
     warn = wish.tolerance if is_pure else wish.tolerance_as_is
     limits = (math.inf, math.inf) if ours.touched else (warn, wish.error_limit)
     unit = f"of the swing, RMS{_unfair(both.tree, sine, ours)}"

@@ -203,10 +203,8 @@ class Gains(Check):
     def _judge_strength(
         self, actuator: Actuator, one: Effective, *, slides: bool
     ) -> Iterator[Finding]:
-        subject, (way, unit) = (
-            f"actuator {actuator.joint}",
-            ("m", "N") if slides else ("rad", "N m"),
-        )
+        subject = f"actuator {actuator.joint}"
+        way, unit = ("m", "N") if slides else ("rad", "N m")
         if one.load is not None and one.load > self.torque:
             cannot = one.load > 1.0
             yield TORQUE(

@@ -138,8 +138,10 @@ class MjcfSource(Check):
 
 
 def roughness(root: ElementTree.Element) -> Mapping[Comparison, float]:
-    """What MuJoCo itself reads to six digits only of the source: before 4.0 it diagonalised a
-    `fullinertia` to a relative 3e-6 (measured in 3.11); we take the source's own numbers.
+    """Return relative tolerances for what MuJoCo itself reads to six digits only.
+
+    Before 4.0 it diagonalised a `fullinertia` to 3e-6 (measured in 3.11); we take the source's own
+    numbers.
     """
     import mujoco as mj
 

@@ -21,7 +21,7 @@ from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
 OBJECT = "gripped object"
-"""A shape of the model."""
+"""The name of the body, joint and geom of what is gripped."""
 SAMPLES = 41
 """Poses of a sweep."""
 SETTLE_S = 0.06
