@@ -43,17 +43,23 @@ class Action(Model):
         description="rad; most for a joint that turns: an `effort` that is a placeholder would "
         "else ask for whole turns",
     )
+    min_rad: NonNegative = Field(
+        0.25,
+        description="rad; least for a joint that turns, up to `rad`: the share of a stiff drive is "
+        "too little to learn to walk with",
+    )
     m: Positive = Field(0.05, description="m; most for a joint that slides")
 
     def scale(self, effort: float | None, kp: float, *, slides: bool) -> float:
         """rad or m of a joint's target for one unit of action. effort: N m or N; kp: per rad or m.
 
-        A quarter of the error that asks for the whole effort is what mjlab's own robots have.
+        A quarter of the error that asks for the whole effort is what mjlab's own robots have,
+        whose drives are soft.
         """
-        most = self.m if slides else self.rad
+        least, most = (0.0, self.m) if slides else (self.min_rad, self.rad)
         if effort is None or kp <= 0.0:
             return most
-        return min(self.effort_share * effort / kp, most)
+        return min(max(self.effort_share * effort / kp, least), most)
 
 
 class Simulation(Model):

@@ -187,16 +187,19 @@ def _besides(reference: Reference, robot: str) -> Table:
     root = body_names(reference.tree)[reference.tree.root]
     facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": root})
     put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, facts)
-    action = {"effort_share": 0.25, "rad": 0.5, "m": 0.05} | (asked.get("action") or {})
+    action = {"effort_share": 0.25, "min_rad": 0.25, "rad": 0.5, "m": 0.05}
+    action |= asked.get("action") or {}
     for row in reference.control.actuators:
         if row.model in STATED:
             steps = (varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
             delay = delay_s(steps, reference.control.simulation.timestep)
             facts.put("joint", row.joint, {"delay": delay})
             if row.kp and row.effort:
-                slides = reference.tree.by_joint[row.joint].kind == "prismatic"
-                most = action["m" if slides else "rad"]
-                scale = min(action["effort_share"] * row.effort / row.kp, most)
+                share = action["effort_share"] * row.effort / row.kp
+                if reference.tree.by_joint[row.joint].kind == "prismatic":
+                    scale = min(share, action["m"])
+                else:
+                    scale = min(max(share, action["min_rad"]), action["rad"])
                 facts.put("joint", row.joint, {f"{FORM}:action scale": scale})
     if _walks(reference):
         facts.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})

@@ -190,6 +190,7 @@ def _facts(facts: ModuleFacts) -> str:
     simulation, action = facts.control.simulation, facts.options.action
     some, written = action.effort_share, body_names(facts.tree)
     share = "A quarter" if some == 0.25 else f"A share of {some!r}"
+    least = min(action.min_rad, action.rad)
     return f'''
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
 ROOT_BODY = {literal(written[facts.tree.root])}
@@ -197,8 +198,8 @@ IMU_SITE = {literal(written.get(facts.imu_site, facts.imu_site))}
 FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
 FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
 ACTION_SCALE = {dict_of(scale)}
-"""{share} of the error that asks for the whole effort, at most {action.rad!r} rad or
-{action.m!r} m, by joint; rad or m per unit of action."""
+"""{share} of the error that asks for the whole effort, {least!r} to {action.rad!r} rad
+or at most {action.m!r} m, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
 
