@@ -8,20 +8,20 @@ gravity, and what the base weighs in the whole robot's inertia.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, quat_of, vec3
 from assetbuild.robot.tree import sample_positions
-from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mass_matrix
+from assetbuild.simulators.mujoco import Model, body_names, floats, load, mass_matrix, mj, without
 
 LOAD = Rule("oracle.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
 DIFFERS = Rule(
@@ -99,23 +99,23 @@ class Oracle(Check):
             yield UNREADABLE("robot", text, OTHERS)
             return
         try:
-            mj = _Mujoco(_without_drives(files.inputs / "mjcf" / f"{self.robot}.xml"), tree)
-        except ValueError as error:
-            text = " ".join(str(error).replace(f"{files.inputs / 'mjcf'}/", "").split())
-            yield LOAD("robot", f"nothing to compare: {text}")
+            path = files.inputs / "mjcf" / f"{self.robot}.xml"
+            ours = _Mujoco(load(path, visuals=False).model, tree)
+        except StepError as error:
+            yield LOAD("robot", f"nothing to compare: {error.message}")
             return
         except LookupError as missing:  # `Invalid name 'knee'. Valid names: ...` of MuJoCo
             text = str(missing.args[0]).partition(". Valid")[0]
             yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}", REPORT)
             return
-        figures |= {"nv": mj.model.nv, "mass_mjcf_kg": float(mj.model.body_mass.sum())}
+        figures |= {"nv": ours.model.nv, "mass_mjcf_kg": float(ours.model.body_mass.sum())}
         figures |= {"mass_source_kg": pin.mass}
         X_world_body = pin.X_world_root @ tree.placement(links.root)[1].inverse()
         worst = dict.fromkeys(KINDS, (0.0, "robot"))
         for positions in sample_positions(tree, self.poses, seed=0):
             pin.move(positions)
-            mj.move(positions, X_world_body)
-            for kind, value, subject in _errors(pin, mj):
+            ours.move(positions, X_world_body)
+            for kind, value, subject in _errors(pin, ours):
                 if not value <= worst[kind][0]:  # NaN wins
                     worst[kind] = (value, subject)
         figures |= {f"{kind}_error": value for kind, (value, _) in worst.items()}
@@ -128,25 +128,25 @@ class Oracle(Check):
                 yield DIFFERS.named(kind)(subject, text, REPORT, data={"error": value})
 
 
-def _errors(pin: _Pinocchio, mj: _Mujoco) -> Iterator[tuple[str, float, str]]:
+def _errors(pin: _Pinocchio, ours: _Mujoco) -> Iterator[tuple[str, float, str]]:
     """(kind, relative error, subject) in one pose."""
     for name, theirs in pin.link_poses():
-        for ours in mj.link_poses(name):
-            yield "kinematics", _apart(ours, theirs), f"link {name}"
-    yield "mass_matrix", _matter_apart(mj.matter(), pin.matter()), f"link {mj.root}"
-    joints = list(mj.dof)
+        for placed in ours.link_poses(name):
+            yield "kinematics", _apart(placed, theirs), f"link {name}"
+    yield "mass_matrix", _matter_apart(ours.matter(), pin.matter()), f"link {ours.root}"
+    joints = list(ours.dof)
     if not joints:
         return
-    here, there = ([side.dof[name] for name in joints] for side in (mj, pin))
-    matrix = mass_matrix(mj.model, mj.data)[np.ix_(here, here)]
+    here, there = ([side.dof[name] for name in joints] for side in (ours, pin))
+    matrix = mass_matrix(ours.model, ours.data)[np.ix_(here, here)]
     wanted = pin.mass_matrix()[np.ix_(there, there)]
     root = np.sqrt(np.diag(wanted))
     errors = np.abs(matrix - wanted) / np.outer(root, root)
     row = int(np.unravel_index(int(np.argmax(errors)), errors.shape)[0])
     yield "mass_matrix", float(errors.max()), f"joint {joints[row]}"
-    pulled = pin.gravity(mj.model.opt.gravity)[there]
+    pulled = pin.gravity(ours.model.opt.gravity)[there]
     # At rest the bias force is gravity alone.
-    held = mj.data.qfrc_bias[here]
+    held = ours.data.qfrc_bias[here]
     worst = int(np.argmax(np.abs(held - pulled)))
     yield "gravity", _apart(held, pulled), f"joint {joints[worst]}"
 
@@ -251,34 +251,22 @@ def _with_limits(urdf: str) -> str:
     return ElementTree.tostring(root, "unicode")
 
 
-def _without_drives(path: Path) -> Model:
-    """Our MJCF without looks, contacts and armature; ValueError where MuJoCo refuses it."""
-    import mujoco
-
-    with caught_warnings():
-        spec = mujoco.MjSpec.from_file(str(path))
-        spec.compiler.discardvisual = True
-        model = spec.compile()
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
-    model.dof_armature[:] = 0.0
-    return model
-
-
 class _Mujoco:
-    """Our MJCF; LookupError where it is not built as the robot. dof: velocity index by joint."""
+    """Our MJCF without contacts and armature. dof: velocity index by joint.
+
+    LookupError where it is not built as the robot.
+    """
 
     def __init__(self, model: Model, tree: Tree) -> None:
-        import mujoco
-
-        self.model, self.data, self.root = model, mujoco.MjData(model), tree.root
-        mujoco.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
+        model = without(model, "CONTACT")
+        # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
+        model.dof_armature[:] = 0.0
+        self.model, self.data, self.root = model, mj.MjData(model), tree.root
+        mj.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
         # MuJoCo takes a frame that is turned by less than 2e-6 rad for its body's frame.
         for same_frame in ("body_sameframe", "site_sameframe"):
-            getattr(model, same_frame)[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
-        self._floats = tree.base == "floating"
-        is_free = bool(model.njnt) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
-        if self._floats != is_free:
+            getattr(model, same_frame)[:] = int(mj.mjtSameFrame.mjSAMEFRAME_NONE)
+        if (tree.base == "floating") != floats(model):
             raise LookupError(f"the base is {tree.base}, but the first joint says otherwise")
         joints = {joint.name: model.joint(joint.name) for joint in tree.moving_joints}
         self.dof = {name: int(joint.dofadr[0]) for name, joint in joints.items()}
@@ -289,21 +277,19 @@ class _Mujoco:
         for body in tree.bodies:
             if not body.is_massless:
                 model.body(self._written[body.name])
-        if more := int(model.nv) - len(self.dof) - BASE * self._floats:
+        if more := int(model.nv) - len(self.dof) - BASE * floats(model):
             raise LookupError(f"{more} degrees of freedom more than the robot has")
         self._links = {body.name: (body.name, Pose().matrix()) for body in tree.bodies}
         self._links |= {f.name: (f.body, f.X_body_frame.matrix()) for f in tree.frames}
 
     def move(self, positions: Mapping[str, float], X_world_body: Pose) -> None:
         """Place it at rest. X_world_body: of a floating base."""
-        import mujoco
-
-        if self._floats:
+        if floats(self.model):
             self.data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
         for name, index in self._qpos.items():
             self.data.qpos[index] = positions[name]
         self.data.qvel[:] = 0.0
-        mujoco.mj_forward(self.model, self.data)
+        mj.mj_forward(self.model, self.data)
 
     def link_poses(self, name: str) -> Iterator[Array]:
         """Poses (4, 4) of a link in the world, through the robot's frames and by its site.

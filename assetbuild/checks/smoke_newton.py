@@ -22,9 +22,8 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import stages
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE
-from assetbuild.simulators.experiments import Experiment, Outcome, load
+from assetbuild.simulators.experiments import Experiment, Outcome, StageNames, load
 from assetbuild.simulators.newton import NewtonCheck
-from assetbuild.simulators.stage_world import StageNames
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers, usd_identifiers
 
 LIGHT = (

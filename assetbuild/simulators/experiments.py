@@ -161,6 +161,15 @@ class Experiment:
     pilot: str = ""
 
 
+@dataclass(frozen=True)
+class StageNames:
+    """The robot's names by prim path below `/World/robot`, and which joints are angles."""
+
+    bodies: Mapping[str, str]
+    joints: Mapping[str, str]
+    angular: frozenset[str]
+
+
 def load(control: Control) -> Experiment:
     """What the simulator holds of the robot."""
     return Experiment("load", Setting(control.simulation.timestep, control.simulation.gravity))

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from assetbuild.engine.step import Limits
-from assetbuild.robot.pose import IDENTITY, Array, Pose, quat_of, vec3
+from assetbuild.robot.pose import Array, Pose, quat_of, vec3
 from assetbuild.simulators.experiments import Course, Experiment, Gripped, Outcome, Setting
 from assetbuild.simulators.gripping import GripCheck
 from assetbuild.simulators.mujoco import Model, contact_solver, floats, name_of, turning
@@ -34,7 +34,6 @@ from assetbuild.simulators.mujoco.grip import (
     table_at,
 )
 from assetbuild.simulators.mujoco.hands import Hand, at_pose
-from assetbuild.simulators.stage_world import root_pose
 
 SAMPLE_S = 0.1
 
@@ -48,9 +47,8 @@ class StageGripping(GripCheck):
 
     def grips(self, inputs: Path, model: Model, hand: Hand, tries: Sequence[Try]) -> Sequence[Grip]:
         """All in one process. Of a side, it is seen from the body against which it moved least."""
-        main = inputs / f"usd/{self.robot}.usda"
         experiments = [
-            _experiment(str(index), main, model, hand, place, mass)
+            _experiment(str(index), model, hand, place, mass)
             for index, (place, mass) in enumerate(tries)
         ]
         done = self.perform(inputs, experiments)
@@ -60,11 +58,9 @@ class StageGripping(GripCheck):
         ]
 
 
-def _experiment(
-    name: str, main: Path, model: Model, hand: Hand, place: Place, mass: float
-) -> Experiment:
+def _experiment(name: str, model: Model, hand: Hand, place: Place, mass: float) -> Experiment:
     pose, step = hand.poses[place.start], float(model.opt.timestep)
-    R, at = _to_world(main, model, pose)
+    R, at = _to_world(model, pose)
     times: Array = step * np.arange(round(TOTAL_S / step) + 1.0)
 
     table = table_at(place, times) @ R.T + at
@@ -102,12 +98,15 @@ def _experiment(
     return Experiment(name, setting, len(times) - 1, every, positions, course=course)
 
 
-def _to_world(main: Path, model: Model, pose: Array) -> tuple[Array, Array]:
-    """(3, 3) and (3,): from MuJoCo's world into that of the stage, by the robot's root link."""
+def _to_world(model: Model, pose: Array) -> tuple[Array, Array]:
+    """(3, 3) and (3,): from MuJoCo's world into that of the stage, which holds a floating base at
+    its origin.
+    """
+    if not floats(model):
+        return np.eye(3), np.zeros(3)
     data, root = at_pose(model, pose), 1
-    there = IDENTITY if floats(model) else root_pose(main, name_of(model, "body", root))
-    R = there.rotation @ data.xmat[root].reshape(3, 3).T
-    return R, np.asarray(there.xyz) - R @ data.xpos[root]
+    R = data.xmat[root].reshape(3, 3).T
+    return R, -R @ data.xpos[root]
 
 
 def _grip(outcome: Outcome, hand: Hand, place: Place, mass: float) -> Grip:

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Sine
-from assetbuild.simulators.stage_world import StageNames, write_world
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Sine, StageNames
 
 TURN = 0.5
 """rad or m; a position of joints at which their axes show."""
@@ -33,6 +32,8 @@ def perform_on_stages(
     copied: with its whole folder, as the inputs of a step must be: they are links into the store,
     and a resolver that follows them gets lost.
     """
+    from assetbuild.simulators.stage_world import write_world  # with OpenUSD
+
     with TemporaryDirectory(prefix="stages-") as temporary:
         folder = Path(temporary).resolve()
         asset = main.resolve()

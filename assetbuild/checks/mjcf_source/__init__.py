@@ -31,7 +31,7 @@ from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import name_of
+from assetbuild.simulators.mujoco import mj, name_of
 
 LOAD = Rule(
     "equal.source.load", "error", "MuJoCo refuses our MJCF or the source's", "see `mjcf.load`"
@@ -92,8 +92,6 @@ class MjcfSource(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""
-        import mujoco as mj
-
         tree, stated = RobotFiles(files.inputs).tree, frozenset(self.stated)
         flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
         rough = roughness(flat)
@@ -143,8 +141,6 @@ def roughness(root: ElementTree.Element) -> Mapping[Comparison, float]:
     Before 4.0 it diagonalised a `fullinertia` to 3e-6 (measured in 3.11); we take the source's own
     numbers.
     """
-    import mujoco as mj
-
     full = any(inertial.get("fullinertia") for inertial in root.iter("inertial"))
     return {"tensor": 1e-5, "vector": 1e-5} if full and mj.__version__.startswith("3.") else {}
 
@@ -177,8 +173,6 @@ def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # 
 
     A world that is the robot's root is a body of our MJCF, so its contents become one here too.
     """
-    import mujoco as mj
-
     for parent in list(root.iter()):
         for child in list(parent):
             hfield = child.tag == "geom" and child.get("type") == "hfield"

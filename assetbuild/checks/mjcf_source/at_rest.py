@@ -20,7 +20,7 @@ from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, vec3
-from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, name_of
+from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, mj, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.pairs import touching_geoms
 
@@ -55,11 +55,9 @@ class _InRoot(Bodies):
     """In the frame of the root, and by the name of the body that carries the joints above it."""
 
     def __init__(self, model: Model) -> None:
-        import mujoco
-
         super().__init__(model)
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
+        data = mj.MjData(model)
+        mj.mj_kinematics(model, data)
         X_world = [pose_of(data.xpos[i], data.xquat[i]) for i in range(model.nbody)]
         root = X_world[min(1, model.nbody - 1)].inverse()
         self._X_root: list[Pose] = [root @ X for X in X_world]
@@ -129,9 +127,7 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
 
 def _fold_gravity(option: Any) -> None:  # Any: MuJoCo's option
     """Gravity that a flag switches off is none: two ways to say one thing."""
-    import mujoco
-
-    bit = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    bit = int(mj.mjtDisableBit.mjDSBL_GRAVITY)
     if int(option.disableflags) & bit:
         option.disableflags = int(option.disableflags) & ~bit
         option.gravity = (0.0, 0.0, 0.0)
@@ -139,15 +135,13 @@ def _fold_gravity(option: Any) -> None:  # Any: MuJoCo's option
 
 def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:
     """Sensors of sites, which are no frames of bodies here."""
-    import mujoco
-
     for index in range(model.nsensor):
         name = name_of(model, "sensor", index)
         for word, kinds, ids in (
             ("object", model.sensor_objtype, model.sensor_objid),
             ("reference", model.sensor_reftype, model.sensor_refid),
         ):
-            if int(kinds[index]) == mujoco.mjtObj.mjOBJ_SITE:
+            if int(kinds[index]) == mj.mjtObj.mjOBJ_SITE:
                 yield Key("sensor", name, word), f"site {name_of(model, 'site', int(ids[index]))}"
 
 
