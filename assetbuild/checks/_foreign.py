@@ -193,7 +193,7 @@ REQUIRED = Rule(
     "simready.required",
     "error",
     "a requirement of the SimReady profile is not met",
-    "the message is the validator's; metadata come from the recipe's `about` and `license`",
+    "state what is missing in the recipe's `about`, or `license` under `source`",
 )
 OPTIONAL = Rule(
     "simready.optional",
@@ -257,7 +257,6 @@ class SimReady(Validator):
             yield REQUIRED(
                 "robot",
                 f"{self.profile} {PROFILE_VERSION}: {code}: {message or f'feature {name} fails'}",
-                hint="state what is missing in the recipe's `about`, or `license` under `source`",
                 data={"feature": name, "requirement": code},
             )
 

@@ -30,7 +30,7 @@ SHIFT = Rule(
     "coverage.shift",
     "warning",
     "collision geometry is beside the visual geometry of its body",
-    "compare their origins",
+    "compare their `<origin>` in the source; look at the report's 3D view",
 )
 
 
@@ -107,7 +107,6 @@ class Coverage(Check):
             yield SHIFT(
                 f"link {name}",
                 f"its collision geometry lies {shift} from its visual geometry{same}",
-                hint="compare their `<origin>` in the source; look at the report's 3D view",
                 data={"shift_m": fit.shift_m, "limit_m": self._limit(fit)},
             )
 

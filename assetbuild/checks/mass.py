@@ -52,25 +52,25 @@ TOTAL = Rule(
     "mass.total",
     ("warning", "error"),
     "the robot's mass differs from its datasheet (an error above five tolerances)",
-    "find the body; `edits: set_mass`",
+    "look for a body with too little or too much below; `edits: set_mass`",
 )
 DENSITY = Rule(
     "mass.density",
     ("warning", "info"),
     "a body is far lighter or heavier than matter of its size",
-    "check for a factor of ten, and the units of the mesh",
+    "is the mass ten times too large or small, or the mesh in other units?",
 )
 CENTER = Rule(
     "mass.center",
     "warning",
     "a centre of mass is outside the geometry of its body",
-    "check the frame in which it is given",
+    "was it given in another frame? `edits: set_inertia` corrects it",
 )
 AXES = Rule(
     "mass.axes",
     "warning",
     "the mass is long where the geometry is short",
-    "check the axes of the tensor",
+    "is the tensor given in the link's axes? `edits: set_inertia` corrects it",
 )
 ABSURD = Rule(
     "mass.absurd",
@@ -82,7 +82,7 @@ SIZE = Rule(
     "mass.size",
     "error",
     "a body that moves is longer than 20 m, which no robot's body is",
-    "give the mesh its `scale`: most are drawn in millimetres",
+    'is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
 )
 
 
@@ -173,7 +173,6 @@ class Mass(Check):
                 "robot",
                 f"the robot has {total:.4g} kg, its datasheet says {self.total_kg:.4g} kg",
                 severity="error" if error > BROKEN * self.tolerance else "warning",
-                hint="look for a body with too little or too much below; `edits: set_mass`",
                 data={"total_kg": total, "datasheet_kg": self.total_kg, "relative": error},
             )
 
@@ -183,7 +182,6 @@ class Mass(Check):
                 f"link {name}",
                 f"{row.mass_kg:.4g} kg in a hull of {1e3 * row.volume_m3:.3g} litres: "
                 f"{row.density:.4g} kg/m³",
-                hint="is the mass ten times too large or small, or the mesh in other units?",
                 severity="info" if row.mass_kg < NEGLIGIBLE * total_kg else "warning",
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
@@ -192,7 +190,6 @@ class Mass(Check):
                 f"link {name}",
                 f"the longest axis of the mass is {math.degrees(row.angle_rad):.0f} degrees away "
                 "from that of the geometry",
-                hint="is the tensor given in the link's axes? `edits: set_inertia` corrects it",
                 data={"angle_rad": row.angle_rad},
             )
 
@@ -218,7 +215,6 @@ def _outside(bodies: Mapping[str, Filled]) -> Iterator[Finding]:
         yield CENTER(
             f"link {name}",
             f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry{also}",
-            hint="was it given in another frame? `edits: set_inertia` corrects it",
             data={"outside_m": row.outside_m, "size_m": row.size_m},
         )
 
@@ -241,7 +237,6 @@ def _too_large(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
             yield SIZE(
                 f"link {body.name}",
                 f"is {size:.4g} m long, more than any robot's body (limit {LONGEST_M:g} m)",
-                hint='is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
                 data={"size_m": size, "limit_m": LONGEST_M},
             )
 

@@ -131,7 +131,7 @@ ABSOLUTE_PATH = Rule(
     "lint.absolute_path",
     "warning",
     "a path that exists on one machine only",
-    "make it relative to the file",
+    "give the path from the file's own folder",
 )
 RANGE = Rule(
     "lint.range", "error", "the lower end of a range is not below the upper one", "swap them"
@@ -181,7 +181,6 @@ def _element(element: Xml) -> Iterator[Finding]:
             yield ABSOLUTE_PATH(
                 where,
                 f"`{value}` exists on one machine only",
-                hint="give the path from the file's own folder",
             )
         numbers = [float(word) for word in value.split()] if name in RANGES else []
         if len(numbers) == 2 and numbers[0] >= numbers[1] and any(numbers):
@@ -242,7 +241,7 @@ KEY_TARGET = Rule(
     "lint.key_target",
     "warning",
     "a position drive pulls away from the pose of the keyframe",
-    "set `ctrl` equal to the positions",
+    "give the keyframe a `ctrl` that equals its positions",
 )
 
 
@@ -285,6 +284,5 @@ def _target(
         yield KEY_TARGET(
             f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
             f"keyframe `{key}`: its target is {target:g}, the joint stands at {at:g}",
-            hint="give the keyframe a `ctrl` that equals its positions",
             data={"keyframe": key, "target": target, "position": at},
         )

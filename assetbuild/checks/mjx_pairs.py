@@ -43,15 +43,17 @@ UNSUPPORTED_PAIR = Rule(
     "mjx.pair",
     "error",
     "two shapes may touch, and MJX has no contact for them",
-    "use a capsule in place of a cylinder, or exclude the pairs",
+    "make one a capsule, exclude the pairs, or `mjx: {self_collision: false}`",
 )
 MARGIN = Rule(
     "mjx.margin",
     "error",
     "a mesh has a contact margin, which MJX refuses",
-    "leave `contact.margin` at 0",
+    "leave `contact.margin` at 0, or use a primitive",
 )
-OPTION = Rule("mjx.option", "error", "MJX does not have this option", "change it under `mjx`")
+OPTION = Rule(
+    "mjx.option", "error", "MJX does not have this option", "change it in the recipe's `mjx`"
+)
 
 
 class MjxPairs(Check):
@@ -103,7 +105,6 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
         yield UNSUPPORTED_PAIR(
             f"shape {other}",
             f"MJX has no contact of {a} and {b}: {count} pairs, such as {one} and {other}",
-            hint="make one a capsule, exclude the pairs, or `mjx: {self_collision: false}`",
             data={"pairs": count, "kinds": f"{a}-{b}"},
         )
     margins = [
@@ -116,12 +117,10 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
         yield MARGIN(
             f"shape {mujoco.name_of(model, 'geom', margins[0][1])}",
             f"MJX takes no margin on a mesh: {len(margins)} pairs have one",
-            hint="leave `contact.margin` at 0, or use a primitive",
             data={"pairs": len(margins)},
         )
     for what in _lacking(model):
-        message = f"MJX does not do this: {what}"
-        yield OPTION("robot", message, hint="change it in the recipe's `mjx`")
+        yield OPTION("robot", f"MJX does not do this: {what}")
 
 
 def _lacking(model: mujoco.Model) -> Iterator[str]:

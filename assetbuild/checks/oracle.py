@@ -28,23 +28,21 @@ DIFFERS = Rule(
     "oracle.*",
     "error",
     "kinematics, mass matrix or gravity differ from what pinocchio computes on the source",
-    "report it: this is a bug",
+    "the MJCF is not the source's robot: please report it with the recipe",
 )
 UNREADABLE = Rule(
     "oracle.unreadable",
     "warning",
     "pinocchio refuses the source",
-    "nothing; the other checks still run",
+    "the other checks still compare mass, axes and limits",
 )
 UNSUPPORTED = Rule(
     "oracle.unsupported",
     "info",
     "planar or floating joints are not compared",
-    "nothing; the other checks still run",
+    "the other checks still compare mass, axes and limits",
 )
 KINDS = ("kinematics", "mass_matrix", "gravity")
-REPORT = "the MJCF is not the source's robot: please report it with the recipe"
-OTHERS = "the other checks still compare mass, axes and limits"
 Matter = tuple[float, Array, Array]
 """Mass, centre of mass, and (3, 3) inertia about it along the world's axes."""
 BASE = 6
@@ -82,7 +80,7 @@ class Oracle(Check):
         odd = [j for j in robot.links.joints if j.kind in ("floating", "planar", "ball")]
         if odd:
             text = f"a {odd[0].kind} joint is not compared with pinocchio, so nothing was"
-            findings = [UNSUPPORTED(f"joint {odd[0].name}", text, OTHERS)]
+            findings = [UNSUPPORTED(f"joint {odd[0].name}", text)]
         else:
             findings = list(self._compare(files, robot.links, robot.tree, figures))
         write_figures(files, figures, {f"{kind}_error": self.tolerance for kind in KINDS})
@@ -96,7 +94,7 @@ class Oracle(Check):
             pin = _Pinocchio(source, links, tree)
         except (ValueError, RuntimeError) as error:
             text = f"pinocchio cannot read the source, nothing was compared: {error}"
-            yield UNREADABLE("robot", text, OTHERS)
+            yield UNREADABLE("robot", text)
             return
         try:
             path = files.inputs / "mjcf" / f"{self.robot}.xml"
@@ -106,7 +104,7 @@ class Oracle(Check):
             return
         except LookupError as missing:  # `Invalid name 'knee'. Valid names: ...` of MuJoCo
             text = str(missing.args[0]).partition(". Valid")[0]
-            yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}", REPORT)
+            yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}")
             return
         figures |= {"nv": ours.model.nv, "mass_mjcf_kg": float(ours.model.body_mass.sum())}
         figures |= {"mass_source_kg": pin.mass}
@@ -125,7 +123,7 @@ class Oracle(Check):
                     f"{kind.replace('_', ' ')} of MJCF and source differ by {value:.3g} relative "
                     f"(at most {self.tolerance:g}) over {self.poses} poses"
                 )
-                yield DIFFERS.named(kind)(subject, text, REPORT, data={"error": value})
+                yield DIFFERS.named(kind)(subject, text, data={"error": value})
 
 
 def _errors(pin: _Pinocchio, ours: _Mujoco) -> Iterator[tuple[str, float, str]]:

@@ -26,7 +26,10 @@ FAR = 10.0
 
 LOAD = Rule("stand.load", "error", "there is no scene, keyframe or floor", "correct the recipe")
 NOT_FINITE = Rule(
-    "stand.finite", "error", "the simulation became unstable", "lower kd or the timestep"
+    "stand.finite",
+    "error",
+    "the simulation became unstable",
+    "lower kd or the timestep; look for tiny inertias and overlapping shapes",
 )
 FALL = Rule(
     "stand.fall",
@@ -51,7 +54,8 @@ START = Rule(
     "stand.sole_gap",
     ("warning", "error"),
     "the soles are not on the floor at the start (an error above 10 mm)",
-    "`base: on_ground`",
+    "`base: on_ground` puts the lowest part on the floor: choose joint values with which all "
+    "soles are as low",
 )
 CONTACT = Rule(
     "stand.contact",
@@ -131,7 +135,6 @@ class Stand(mujoco.InMujoco):
             yield NOT_FINITE(
                 "robot",
                 f"the simulation became unstable while standing at `{self.keyframe}`",
-                hint="lower kd or the timestep; look for tiny inertias and overlapping shapes",
                 data={"warnings": len(stood.warnings)},
             )
 
@@ -195,8 +198,6 @@ class Stand(mujoco.InMujoco):
                     f"link {link}",
                     f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm {side} the floor",
                     severity="error" if abs(gap) > FAR * self.sole else "warning",
-                    hint="`base: on_ground` puts the lowest part on the floor: choose joint values "
-                    "with which all soles are as low",
                     data={"gap_m": gap, "tolerance_m": self.sole},
                 )
 

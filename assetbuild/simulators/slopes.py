@@ -24,7 +24,7 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Experiment, Motion, SimulatorCheck, standing
 from assetbuild.simulators.mujoco.drives import servoed
-from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, SLOW, Creep, Ground, creep
+from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, SLOW, Slope, creep
 
 REST_S, WATCH_S = 2.0, 2.0
 """What swings comes to rest, then it is watched."""
@@ -51,19 +51,18 @@ class SlopeCheck(SimulatorCheck):
 
     wish: SlopeWish = SlopeWish()
 
-    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
+    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Slope | str:
         """How fast it slides, or why nothing can be said."""
         tree, control = robot.tree, robot.control
-        in_mujoco = creep(servoed(model, control), self.wish.share, self.wish.speed)
-        if isinstance(in_mujoco, str):
-            return in_mujoco
-        ground = in_mujoco.ground
+        slope = creep(servoed(model, control), self.wish.share, self.wish.speed)
+        if isinstance(slope, str):
+            return slope
         asked = [
-            _experiment(name, tree, control, ground, mujoco.contact_solver(model)) for name in WAYS
+            _experiment(name, tree, control, slope, mujoco.contact_solver(model)) for name in WAYS
         ]
         done = self.perform(inputs, asked)
         speeds = [_speed(done[way].motion, np.array(down)) for way, down in WAYS.items()]
-        return Creep(ground, ground.scale * max(speeds))
+        return replace(slope, speed=slope.scale * max(speeds))
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and the simulator's scene."""
@@ -77,8 +76,8 @@ class SlopeCheck(SimulatorCheck):
                 continue
             stood = math.isfinite(sliding.speed)
             figures[target] = {
-                "angle_rad": sliding.ground.angle,
-                "friction": sliding.ground.friction,
+                "angle_rad": sliding.angle,
+                "friction": sliding.friction,
                 **({"speed_m_s": sliding.speed} if stood else {"skipped": "it falls"}),
             }
             if not sliding.speed <= limit:
@@ -93,15 +92,15 @@ class SlopeCheck(SimulatorCheck):
 
 
 def _experiment(
-    way: str, tree: Tree, control: Control, ground: Ground, solver: Mapping[str, object]
+    way: str, tree: Tree, control: Control, slope: Slope, solver: Mapping[str, object]
 ) -> Experiment:
     setting, start = standing(tree, control), dict(initial_pose(tree, control).joints)
     g = math.dist(setting.gravity, (0.0, 0.0, 0.0))
-    x, y = (g * math.sin(ground.angle) * part for part in WAYS[way])
+    x, y = (g * math.sin(slope.angle) * part for part in WAYS[way])
     tilted = replace(
         setting,
-        gravity=(x, y, -g * math.cos(ground.angle)),
-        slippery=ground.friction / ground.stated,
+        gravity=(x, y, -g * math.cos(slope.angle)),
+        slippery=slope.friction / slope.stated,
         solver=solver,
     )
     steps = round((REST_S + WATCH_S) / setting.timestep)

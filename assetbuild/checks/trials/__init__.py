@@ -149,7 +149,10 @@ class Trials(mujoco.InMujoco):
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         answers = experiments.answers(model)
-        figures["drives"] = [{"joint": joint, **a._asdict()} for joint, a in answers.items()]
+        figures["drives"] = [
+            {"joint": joint, "asked": asked, "moved": moved}
+            for joint, (asked, moved) in answers.items()
+        ]
         for joint, (asked, moved) in answers.items():
             if moved < min(self.min_response, 0.2 * asked):
                 origin = ", as in the source's own MJCF" if self.inherited else ""
@@ -226,8 +229,6 @@ class Trials(mujoco.InMujoco):
             yield rules.NOTHING_TOUCHES(
                 "robot",
                 "it floats, and none of its shapes can touch the floor: it falls through",
-                hint="give it collision shapes; where it never lands, state that in `rules: "
-                '{trials.nothing_touches: {severity: info, because: "..."}}`',
             )
 
     def _on_floor(
@@ -256,25 +257,18 @@ class Trials(mujoco.InMujoco):
     ) -> Iterator[Finding]:
         """falls: it falls by itself, so that it also lies, rolls and moves after a drop."""
         settled = experiments.settle(model, self.drop)
-        values = settled.speed, settled.penetration_m, settled.drift_m
-        names = "fastest_joint", "deepest_contact_m", "drift_m"
-        shown = zip(names, values if settled.finite else (None,) * 3, strict=True)
-        figures["settle"] = {"finite": settled.finite, **dict(shown)}
-        if not settled.finite:
+        unknown = dict.fromkeys(experiments.SETTLED)
+        figures["settle"] = {"finite": settled is not None, **(settled or unknown)}
+        if settled is None:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        for rule, value, limit, what, unit in (
-            (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
-            (
-                rules.SUNK,
-                settled.penetration_m,
-                self.penetration,
-                "a contact still penetrates",
-                "m",
-            ),
-            (rules.DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
+        for rule, name, limit, what, unit in (
+            (rules.RESTLESS, "fastest_joint", self.speed, "its fastest joint moves at", "rad/s"),
+            (rules.SUNK, "deepest_contact_m", self.penetration, "a contact still penetrates", "m"),
+            (rules.DRIFT, "drift_m", self.drift, "in 1000 steps its base wandered", "m"),
         ):
+            value = settled[name]
             if value > limit:
                 size = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
                 yield rule(
@@ -305,23 +299,19 @@ class Trials(mujoco.InMujoco):
 
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Does it bear what an untrained policy asks of it?"""
-        outcome = experiments.shake(model, self.action)
-        if outcome is None:
+        shaken = experiments.shake(model, self.action)
+        if shaken is None:
             return
-        unstable = outcome.seconds is not None
-        fastest = None if unstable else outcome.fastest
-        shown = {"seconds": outcome.seconds, "joint": outcome.joint, "fastest_joint": fastest}
-        figures["shake"] = shown
-        if not unstable:
-            return
-        yield rules.SHAKEN(
-            f"joint {outcome.joint}",
-            "an untrained policy's random targets drive the simulation to infinity after "
-            f"{outcome.seconds:.2g} s, this joint foremost",
-            hint="a smaller `simulation.timestep`, the rotors' real armature, smaller kp, or an "
-            "`effort` that is no placeholder",
-            data={"seconds": outcome.seconds},
-        )
+        seconds, joint, speed = shaken
+        fastest = speed if seconds is None else None
+        figures["shake"] = {"seconds": seconds, "joint": joint, "fastest_joint": fastest}
+        if seconds is not None:
+            yield rules.SHAKEN(
+                f"joint {joint}",
+                "an untrained policy's random targets drive the simulation to infinity after "
+                f"{seconds:.2g} s, this joint foremost",
+                data={"seconds": seconds},
+            )
 
 
 def _or_unstable(value: float) -> float | str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -40,16 +40,10 @@ CONTROL_S, NOISE_S = 0.02, 5.0
 # --- drives -------------------------------------------------------------------------------------
 
 
-class Answer(NamedTuple):
-    """One joint told to swing by `asked`; it moved by `moved` at most, rad or m."""
-
-    asked: float
-    moved: float
-
-
-def answers(model: Model) -> Mapping[str, Answer]:
+def answers(model: Model) -> Mapping[str, tuple[float, float]]:
     """Each position servo in turn follows one period of a sine; base held, no gravity or contact.
 
+    Returns by joint how far it was told to swing and how far it moved at most, rad or m.
     A drive that moves its joint the wrong way, hardly or not at all is dead: a gain in other
     units, an effort limit of nothing, an axis of length zero.
     """
@@ -68,7 +62,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
     return by_joint
 
 
-def _answer(model: Model, drive: Drive, steps: int) -> Answer:
+def _answer(model: Model, drive: Drive, steps: int) -> tuple[float, float]:
     data, asked = mujoco.at_key(model), _swing(model, drive.joint)
     at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
     start, moved = float(data.qpos[at]), 0.0
@@ -77,7 +71,7 @@ def _answer(model: Model, drive: Drive, steps: int) -> Answer:
         data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
         mj.mj_step(model, data)
         moved = max(moved, abs(float(data.qpos[at]) - start))
-    return Answer(asked, moved)
+    return asked, moved
 
 
 def _swing(model: Model, joint: int) -> float:
@@ -86,23 +80,12 @@ def _swing(model: Model, joint: int) -> float:
     return float(min(widest, 0.2 * (upper - lower)))
 
 
-@dataclass(frozen=True)
-class Shaken:
-    """What noise did. seconds: until it went to infinity, None = it did not.
-
-    joint: the fastest of all, and its speed, rad/s or m/s.
-    """
-
-    seconds: float | None
-    joint: str
-    fastest: float
-
-
-def shake(model: Model, action: Action) -> Shaken | None:
+def shake(model: Model, action: Action) -> tuple[float | None, str, float] | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
     Normally distributed about the initial pose with the joint's scale of `action`; falls and lies
-    on the floor as it may. None: nothing is a position servo.
+    on the floor as it may. Returns the seconds until it went to infinity, None = it did not, and
+    the fastest joint with its speed, rad/s or m/s. None: nothing is a position servo.
     """
     servos = [drive for drive in read_drives(model) if drive.holds_position]
     if not servos:
@@ -126,7 +109,7 @@ def shake(model: Model, action: Action) -> Shaken | None:
                 break
             speeds = np.maximum(speeds, np.abs(data.qvel[dofs]))
     name = mujoco.name_of(model, "joint", joints[int(speeds.argmax())])
-    return Shaken(ended, name, float(speeds.max()))
+    return ended, name, float(speeds.max())
 
 
 def _scale(model: Model, drive: Drive, action: Action) -> float:
@@ -318,18 +301,16 @@ def side_normals(points: Array) -> Array | None:
     return np.concatenate([normals, -normals])
 
 
-@dataclass(frozen=True)
-class Settled:
-    """After a drop of a scene's robot: fastest joint, deepest contact, wander of the base."""
-
-    finite: bool
-    speed: float
-    penetration_m: float
-    drift_m: float
+SETTLED = ("fastest_joint", "deepest_contact_m", "drift_m")
 
 
-def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000) -> Settled:
-    """Dropped in its initial pose under its drives; then `steps` more to see it wander."""
+def settle(
+    model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000
+) -> dict[str, float] | None:
+    """Dropped in its initial pose under its drives; then `steps` more to see its base wander.
+
+    Returns the three of `SETTLED`; None when the simulation became unstable.
+    """
     model = mujoco.without(model)
     with mujoco.caught_warnings():
         data = mujoco.at_key(model)
@@ -341,4 +322,5 @@ def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000)
         mj.mj_step(model, data, steps)
         mj.mj_forward(model, data)
         drift = math.dist(place, np.array(data.xpos[1]))
-    return Settled(mujoco.is_finite(data), float(speed), float(depth), drift)
+    values = (float(speed), float(depth), drift)
+    return dict(zip(SETTLED, values, strict=True)) if mujoco.is_finite(data) else None
