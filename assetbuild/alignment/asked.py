@@ -4,7 +4,7 @@ and to land."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -54,47 +54,33 @@ def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str
             "held" if floats else "asset",
             drives=servos(control),
         )
+        bare = replace(held, timestep=FINE_DT, contacts=False, rubbing=False, limited=False)
+        # MuJoCo's limits of commands would clip what asks for more than a limit allows.
+        unclipped = replace(held, contacts=False, clipped=False)
+        fine = replace(unclipped, timestep=unclipped.timestep / FINER)
         sine = sine_of(tree, control, home, wish.frequency, wish.seconds)
-        experiments += _sines(held, about_closed(tree, control, sine, home))
-        experiments += _into_stops(tree, control, home, held)
+        sine = about_closed(tree, control, sine, home)
+        # Twice: stripped of what simulators model differently, in fine steps, and as it is.
+        asked = [("sine", bare, sine, SAMPLE_S), ("sine_as_is", held, sine, SAMPLE_S)]
+        for end in ENDS:
+            stop = into_stop(tree, control, home, end)
+            asked += [(f"past_{end}", unclipped, stop, 0.0), (f"past_{end}_fine", fine, stop, 0.0)]
+        experiments += [swing(*one) for one in asked if any(one[2].swing.values())]
     if floats and start.name:  # a keyframe above a floor
-        experiments += _on_floor(standing(tree, control), dict(start.joints))
+        stand, joints = standing(tree, control), dict(start.joints)
+        base = stand.at or IDENTITY
+        x, y, z = base.xyz
+        raised = replace(stand, at=Pose((x, y, z + DROP_M), base.quat), raised_m=DROP_M)
+        steps = [round(seconds / stand.timestep) for seconds in (STAND_S, DROP_S)]
+        experiments += [
+            Experiment("stand", stand, steps[0], every=20, start=joints),
+            Experiment("drop", raised, steps[1], start=joints),
+        ]
     return {experiment.name: experiment for experiment in experiments}
 
 
-def _sines(held: Setting, sine: Sine) -> Iterator[Experiment]:
-    """Twice: as it is, and stripped of what simulators model differently, in fine steps."""
-    if any(sine.swing.values()):
-        bare = replace(held, timestep=FINE_DT, contacts=False, rubbing=False, limited=False)
-        yield swing("sine", bare, sine, SAMPLE_S)
-        yield swing("sine_as_is", held, sine, SAMPLE_S)
-
-
-def _into_stops(
-    tree: Tree, control: Control, home: Mapping[str, float], held: Setting
-) -> Iterator[Experiment]:
-    """MuJoCo's limits of commands would clip what asks for more."""
-    unclipped = replace(held, contacts=False, clipped=False)
-    fine = replace(unclipped, timestep=unclipped.timestep / FINER)
-    for end in ENDS:
-        if (sine := into_stop(tree, control, home, end)) is not None:
-            yield swing(f"past_{end}", unclipped, sine, 0.0)
-            yield swing(f"past_{end}_fine", fine, sine, 0.0)
-
-
-def _on_floor(stand: Setting, start: Mapping[str, float]) -> Iterator[Experiment]:
-    base = stand.at or IDENTITY
-    x, y, z = base.xyz
-    raised = replace(stand, at=Pose((x, y, z + DROP_M), base.quat), raised_m=DROP_M)
-    for name, setting, seconds, every in (
-        ("stand", stand, STAND_S, 20),
-        ("drop", raised, DROP_S, 1),
-    ):
-        yield Experiment(name, setting, round(seconds / stand.timestep), every, start)
-
-
-def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End) -> Sine | None:
-    """Return a sine that starts before the limits and passes them; None where no joint has one.
+def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End) -> Sine:
+    """Return a sine that starts before the limits and passes them, of the joints that have one.
 
     Loops stop their joints before the limits do: these stay at home, where all loops are closed. A
     joint that mimics goes with its leader.
@@ -114,6 +100,4 @@ def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End)
             room = widest(joint, speeds, SHARP * STOP_HZ)
             sign = 1.0 if end == "upper" else -1.0
             middle[joint.name], swing[joint.name] = stop - sign * room, sign * SHARP * room
-    if not any(swing.values()):
-        return None
     return Sine(with_mimics(tree, middle), swing, STOP_HZ, STOP_S)

@@ -24,7 +24,6 @@ from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
     Experiment,
@@ -257,8 +256,11 @@ def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> I
     for joint in tree.moving_joints:
         if not asked.sine.swing[joint.name]:
             continue
-        past = [_past(motion.joints[joint.name], joint.bounds, end) for motion in (ours, theirs)]
-        linear = joint.kind == "prismatic"
+        lower, upper = joint.bounds
+        tracks = [motion.joints[joint.name] for motion in (ours, theirs)]
+        # Negative where the joint stays before its limit.
+        beyond = [track - upper if end == "upper" else lower - track for track in tracks]
+        past, linear = [float(each.max()) for each in beyond], joint.kind == "prismatic"
         yield Row(
             f"past_{end}",
             "HIGH",
@@ -269,11 +271,6 @@ def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> I
             *(METRE if linear else RAD),
             "m further" if linear else "rad further",
         )
-
-
-def _past(track: Array, ends: tuple[float, float], end: End) -> float:
-    """Negative where the joint stays before its limit."""
-    return float(track.max()) - ends[1] if end == "upper" else ends[0] - float(track.min())
 
 
 # --- on the floor -------------------------------------------------------------------------------

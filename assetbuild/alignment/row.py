@@ -75,7 +75,11 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
         bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
         if not bad:
             continue
-        worst = max(bad, key=lambda row: (row.verdict == "error", _size(row.off)))
+        # What is not a number is worst.
+        worst = max(
+            bad, key=lambda row: (row.verdict == "error", known(row.off) is None, row.off or 0.0)
+        )
+        usual = HINTS.get(name, "the report's table of the check has every row")
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         limit = worst.error if worst.verdict == "error" else worst.warn
         yield off.named(name)(
@@ -84,21 +88,9 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}"
             f"{f'; {worst.because}' if worst.because else ''}{more}",
             severity="error" if worst.verdict == "error" else "warning",
-            hint=_hint(worst, engine),
+            hint=worst.advice if worst.because else HINTS.get(f"{name} {engine}", usual),
             data={"rank": worst.rank, "off": known(worst.off), "rows": len(bad)},
         )
-
-
-def _size(off: float | None) -> float:
-    """For ordering: what is not a number is worst."""
-    return math.inf if off is None or math.isnan(off) else off
-
-
-def _hint(row: Row, engine: str) -> str:
-    if row.because:
-        return row.advice
-    known = HINTS.get(f"{row.name} {engine}") or HINTS.get(row.name)
-    return known or "the report's table of the check has every row"
 
 
 def _text(value: float | str) -> str:

@@ -155,7 +155,10 @@ class Mass(Check):
         smallest_m = min((row.size_m for row in bodies.values()), default=1.0)
         limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
         write_figures(files, figures, limits)
-        extents = _extents(hulls)
+        points: dict[str, list[Array]] = {}  # of all that is drawn and all that collides
+        for (name, _), hull in hulls.items():
+            points.setdefault(name, []).append(hull.vertices)
+        extents = {name: extent_of(vertices) for name, vertices in points.items()}
         yield from self._judge_total(total)
         yield from _too_large(tree, extents)
         yield from _of_no_matter(tree, every)
@@ -192,14 +195,6 @@ class Mass(Check):
                 "from that of the geometry",
                 data={"angle_rad": row.angle_rad},
             )
-
-
-def _extents(hulls: Hulls) -> dict[str, Extent]:
-    """Return the extent of each body: all that is drawn and all that collides."""
-    points: dict[str, list[Array]] = {}
-    for (name, _), hull in hulls.items():
-        points.setdefault(name, []).append(hull.vertices)
-    return {name: extent_of(vertices) for name, vertices in points.items()}
 
 
 def _outside(bodies: Mapping[str, Filled]) -> Iterator[Finding]:
