@@ -151,8 +151,23 @@ class LinkEdit(Edit):
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
-        tree, findings = edit_inertials(tree, self.link, self.change)
-        return Edited(tree, shapes, findings)
+        return self.edited(tree, shapes, self.change)
+
+    def edited(
+        self,
+        tree: Tree,
+        shapes: SourceShapes,
+        change: Callable[[Body], tuple[Inertial, Finding] | None],
+    ) -> Edited:
+        """The robot with new mass properties of the links that match; None = one stays."""
+        bodies, findings = [], []
+        for body in tree.bodies:
+            changed = change(body) if re.fullmatch(self.link, body.name) else None
+            if changed is not None:
+                body = replace(body, inertial=changed[0])
+                findings.append(changed[1])
+            bodies.append(body)
+        return Edited(replace(tree, bodies=tuple(bodies)), shapes, tuple(findings))
 
 
 class MassEdit(LinkEdit):
@@ -192,20 +207,6 @@ class Edited:
     tree: Tree
     shapes: SourceShapes
     findings: tuple[Finding, ...]
-
-
-def edit_inertials(
-    tree: Tree, pattern: str, change: Callable[[Body], tuple[Inertial, Finding] | None]
-) -> tuple[Tree, tuple[Finding, ...]]:
-    """The tree with new mass properties of the links that match; None = this one stays."""
-    bodies, findings = [], []
-    for body in tree.bodies:
-        changed = change(body) if re.fullmatch(pattern, body.name) else None
-        if changed is not None:
-            body = replace(body, inertial=changed[0])
-            findings.append(changed[1])
-        bodies.append(body)
-    return replace(tree, bodies=tuple(bodies)), tuple(findings)
 
 
 class RecipeView(Protocol):
@@ -252,6 +253,8 @@ class Plugin(Step):
     """Path of a section -> the field whose type is the model of its keys."""
     recipe_fields: ClassVar[Mapping[str, str]] = {}
     """Field -> path of the key that it comes from."""
+    derived: ClassVar[Mapping[str, Callable[[RecipeView], object]]] = {}
+    """Field -> what follows for it from several keys."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -290,7 +293,7 @@ class Plugin(Step):
                 if section is None:
                     return None
                 values |= {name: getattr(section, name) for name in cls.keys()}  # noqa: SIM118
-        return values
+        return values | {field: follows(recipe) for field, follows in cls.derived.items()}
 
 
 class Target(Plugin):

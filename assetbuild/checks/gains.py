@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.plugin_types import Check, RecipeView, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.closure import felt_inertia
 from assetbuild.robot.dynamics import dynamics, holding_torques, soles
@@ -107,6 +107,7 @@ class Gains(Check):
     section = "validate.gains"
     about = "where the rules `gains.*` draw the line"
     recipe_fields: ClassVar = {"integrator": "mjcf.integrator", "feet": "feet.links"}
+    derived: ClassVar = {"inherited": lambda recipe: not recipe.value("actuators")}
 
     torque: Positive = Field(
         0.8, description="share of the effort limit that holding the pose may need, warning"
@@ -128,12 +129,6 @@ class Gains(Check):
     """Pattern of the source links that stand on the ground; None: the lowest shapes."""
     inherited: bool = False
     """The recipe has no actuator table: any gains are the source's own."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """A table of its own makes a robot's gains the recipe's."""
-        values = super().values(recipe)
-        return None if values is None else values | {"inherited": not recipe.value("actuators")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.plugin_types import RecipeView, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.sections import Action
@@ -51,6 +51,12 @@ class Trials(mujoco.InMujoco):
         "balance, settling; null = do not run them"
     )
     recipe_fields: ClassVar[Mapping[str, str]] = {"action": "mjlab.action"}
+    derived: ClassVar = {
+        "alone": lambda recipe: recipe.value("validate.stand") is None,
+        "inherited": lambda recipe: (
+            recipe.value("source.mjcf") is not None and not recipe.value("actuators")
+        ),
+    }
 
     action: Action = Action()
     """What an untrained policy asks for, as mjlab's module has it."""
@@ -85,16 +91,6 @@ class Trials(mujoco.InMujoco):
     """Whether to leave the robot alone under its drives: not where `validate.stand` does."""
     inherited: bool = False
     """Whether the drives are those of the source's MJCF, whose forces `mjcf_source` compares."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """The check `stand` sees the robot fall where the recipe asks for it."""
-        values = super().values(recipe)
-        if values is None:
-            return None
-        inherited = recipe.value("source.mjcf") is not None and not recipe.value("actuators")
-        alone = recipe.value("validate.stand") is None
-        return values | {"alone": alone, "inherited": inherited}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
