@@ -44,6 +44,7 @@ from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, SourceShape, S
 if TYPE_CHECKING:
     from assetbuild.engine.world import World
 
+Reweigh = Callable[[Body], tuple[Inertial, Finding] | None]
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
 
 
@@ -153,12 +154,7 @@ class LinkEdit(Edit):
         """See `Edit`."""
         return self.edited(tree, shapes, self.change)
 
-    def edited(
-        self,
-        tree: Tree,
-        shapes: SourceShapes,
-        change: Callable[[Body], tuple[Inertial, Finding] | None],
-    ) -> Edited:
+    def edited(self, tree: Tree, shapes: SourceShapes, change: Reweigh) -> Edited:
         """The robot with new mass properties of the links that match; None = one stays."""
         bodies, findings = [], []
         for body in tree.bodies:
