@@ -15,11 +15,11 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.experiments import (
     Experiment,
-    Setting,
     Sine,
     Swing,
     drop,
     load,
+    plain,
     servos,
     sine_of,
     standing,
@@ -48,12 +48,8 @@ def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str
         experiments += [drop(control, FALL_S)]
     if wish is not None:
         home = dict(start.joints)
-        held = Setting(
-            control.simulation.timestep,
-            control.simulation.gravity,
-            "held" if floats else "asset",
-            drives=servos(control),
-        )
+        held = replace(plain(control), drives=servos(control))
+        held = replace(held, base="held") if floats else held
         bare = replace(held, timestep=FINE_DT, contacts=False, rubbing=False, limited=False)
         # MuJoCo's limits of commands would clip what asks for more than a limit allows.
         unclipped = replace(held, contacts=False, clipped=False)

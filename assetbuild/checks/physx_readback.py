@@ -20,7 +20,7 @@ from assetbuild.plugin_types import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Experiment, Outcome, Setting, standing
+from assetbuild.simulators.experiments import Experiment, Outcome, load, standing
 from assetbuild.simulators.physx import couplings as physx_couplings
 
 START = Rule(
@@ -96,15 +96,13 @@ class PhysxReadback(physx.PhysxCheck):
 
 
 def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experiment, ...]:
-    gravity, dt = control.simulation.gravity, control.simulation.timestep
-    plain = Setting(dt, gravity)
-    start = initial_pose(tree, control)
+    loaded, start, dt = load(control), initial_pose(tree, control), control.simulation.timestep
     floor = replace(standing(tree, control), drives=None)
+    on_floor = floor if tree.base == "floating" and start.name else loaded.setting
     steps = round(seconds / dt)
-    on_floor = floor if tree.base == "floating" and start.name else plain
     return (
-        Experiment("load", plain),
-        Experiment("alone", plain, steps=round(0.2 / dt), every=10),
+        loaded,
+        Experiment("alone", loaded.setting, steps=round(0.2 / dt), every=10),
         Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
     )
 

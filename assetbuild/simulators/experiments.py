@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -64,12 +64,12 @@ class Sine:
     seconds: float = 3.0
     speeds: frozenset[str] = frozenset()
 
-    def target(self, joint: str, time: float) -> float:
-        """What the drive is asked for at `time`: rad or m, of `speeds` rad/s or m/s."""
-        omega = 2.0 * math.pi * self.frequency_hz
-        if joint in self.speeds:
-            return self.swing[joint] * omega * math.cos(omega * time)
-        return self.middle[joint] + self.swing[joint] * math.sin(omega * time)
+    def commands(self, steps: int, dt: float) -> tuple[dict[str, Array], dict[str, Array]]:
+        """(positions, speeds) that drives are asked for at the end of each step, by joint."""
+        omega, times = 2.0 * math.pi * self.frequency_hz, dt * np.arange(1.0, steps + 1.0)
+        wave, rate = np.sin(omega * times), omega * np.cos(omega * times)
+        positions = {name: q + self.swing[name] * wave for name, q in self.middle.items()}
+        return positions, {name: self.swing[name] * rate for name in sorted(self.speeds)}
 
 
 @dataclass(frozen=True)
@@ -170,16 +170,20 @@ class StageNames:
     angular: frozenset[str]
 
 
+def plain(control: Control) -> Setting:
+    """The asset alone, as the recipe has it simulated."""
+    return Setting(control.simulation.timestep, control.simulation.gravity)
+
+
 def load(control: Control) -> Experiment:
     """What the simulator holds of the robot."""
-    return Experiment("load", Setting(control.simulation.timestep, control.simulation.gravity))
+    return Experiment("load", plain(control))
 
 
 def drop(control: Control, seconds: float) -> Experiment:
     """The robot falls without contacts; only the end is seen."""
-    dt = control.simulation.timestep
-    setting = Setting(dt, control.simulation.gravity, contacts=False)
-    steps = max(1, round(seconds / dt))
+    setting = replace(plain(control), contacts=False)
+    steps = max(1, round(seconds / setting.timestep))
     return Experiment("fall", setting, steps=steps, every=steps)
 
 
@@ -188,12 +192,11 @@ def standing(tree: Tree, control: Control) -> Setting:
 
     A sole that starts inside of the floor by the smallest amount is thrown out in the first step.
     """
-    simulation, start = control.simulation, initial_pose(tree, control)
+    start = initial_pose(tree, control)
     base = start.base or IDENTITY
     x, y, z = base.xyz
-    return Setting(
-        simulation.timestep,
-        simulation.gravity,
+    return replace(
+        plain(control),
         at=Pose((x, y, z + CLEARANCE_M), base.quat),
         keyframe=start.name,
         floor_friction=control.contact.friction[0],

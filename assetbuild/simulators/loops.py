@@ -23,9 +23,9 @@ from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators.experiments import (
     Experiment,
     Outcome,
-    Setting,
     SimulatorCheck,
     Sine,
+    plain,
     sine_of,
     swing,
 )
@@ -87,10 +87,9 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Experiment:
         tree, replace(control, actuators=tuple(table.values())), home, wish.frequency, wish.seconds
     )
     wide = {name: width if name in leading else 0.0 for name, width in made.swing.items()}
-    setting = Setting(
-        control.simulation.timestep,
-        control.simulation.gravity,
-        "held" if tree.base == "floating" else "asset",
+    setting = replace(
+        plain(control),
+        base="held" if tree.base == "floating" else "asset",
         contacts=False,
         limited=False,
         drives=servos,
@@ -184,10 +183,11 @@ class LoopCheck(SimulatorCheck):
         """Reads the robot and the simulator's file."""
         robot = RobotFiles(files.inputs)
         tree, control = robot.tree, robot.control
-        balls, reason = _balls(tree), "" if control.loops else "the robot has no loops"
-        if balls and control.loops:
-            hint = "the edit `split_joint` makes hinges"
-            reason = f"a loop runs over ball joint `{balls[0]}`; {hint}"
+        reason = "" if control.loops else "the robot has no loops"
+        if control.loops and (balls := _balls(tree)):
+            reason = (
+                f"a loop runs over ball joint `{balls[0]}`; the edit `split_joint` makes hinges"
+            )
         if reason:
             write_figures(files, {"skipped": reason})
             return

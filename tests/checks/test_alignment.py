@@ -213,7 +213,8 @@ def past_upper(coarse: float, fine: float) -> Row:
     asked = experiments_of(tree, Control((drive,), ()), Swing())
     sine = asked["past_upper"].sine
     assert sine is not None and joint.limits.upper is not None
-    assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
+    positions, _ = sine.commands(1, 0.25)
+    assert positions[joint.name][0] > joint.limits.upper > sine.middle[joint.name]
 
     def moved(past: float) -> Outcome:
         return Outcome(None, motion(joint.name, np.array([0.0, joint.limits.upper + past])))
@@ -338,10 +339,11 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
 def by_coulomb() -> np.ndarray:
     """Without inertia: kd dq/dt = kp (target - q) less the friction, and none below it."""
     dt, angle, out = 1e-4, 0.0, []
+    target = [SINE.middle["swing_joint"], *SINE.commands(30000, dt)[0]["swing_joint"]]
     for step in range(30001):
         if step % 10 == 0:
             out.append(angle)
-        torque = WRIST.kp * (SINE.target("swing_joint", step * dt) - angle)
+        torque = WRIST.kp * (target[step] - angle)
         angle += dt * np.sign(torque) * max(abs(torque) - WRIST.friction, 0.0) / WRIST.kd
     return np.array(out)
 

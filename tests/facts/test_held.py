@@ -100,7 +100,8 @@ def coupled(multiplier: float, offset: float) -> dict[str, Outcome]:
     """What the experiment shows under a coupling."""
     (experiment,) = experiments(LED.tree, LED.control)
     assert experiment.sine is not None
-    lead = np.array([experiment.sine.target("FR_thigh_joint", t) for t in (0.0, 0.05, 0.1)])
+    positions, _ = experiment.sine.commands(2, 0.05)
+    lead = np.array([experiment.sine.middle["FR_thigh_joint"], *positions["FR_thigh_joint"]])
     joints = {"FR_thigh_joint": lead, "FR_calf_joint": multiplier * lead + offset}
     zeros = np.zeros((3, 3))
     motion = Motion(np.arange(3.0), joints, zeros, np.zeros((3, 4)), zeros)

@@ -22,7 +22,7 @@ from assetbuild.simulators.experiments import (
     Sine,
 )
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import Drive, aim, drive_as, read_drives
+from assetbuild.simulators.mujoco.drives import aim, drive_as, read_drives
 
 HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
@@ -108,23 +108,23 @@ def held_model(path: Path, driven: Collection[str] = ()) -> Model:
     The joint goes: a huge inertia on it instead would cost the constraints of light fingers the
     solver's digits. driven: joints that get a drive where they have none, for `drive_as`.
     """
-    spec = mj.MjSpec.from_file(str(path))
-    spec.compiler.discardvisual = True
-    free = [joint for joint in spec.joints if joint.type == mj.mjtJoint.mjJNT_FREE]
-    for joint in free:
-        joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-        # Parent and child never collide, unless the parent stands still: as this one now does.
-        still, moving = _held_together(joint.parent, joint)
-        for one, other in itertools.product(still, moving):
-            spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
-    for gone in (*free, *spec.keys):
-        spec.delete(gone)
-    of_joints = [a for a in spec.actuators if a.trntype == mj.mjtTrn.mjTRN_JOINT]
-    for joint in set(driven) - {str(actuator.target) for actuator in of_joints}:
-        made = spec.add_actuator(name=f"{joint} servo", target=joint)
-        made.trntype = mj.mjtTrn.mjTRN_JOINT
-    with mujoco.caught_warnings():
-        return spec.compile()
+
+    def hold(spec: Any) -> None:  # Any: MuJoCo's MjSpec
+        free = [joint for joint in spec.joints if joint.type == mj.mjtJoint.mjJNT_FREE]
+        for joint in free:
+            joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+            # Parent and child never collide, unless the parent stands still: as this one now does.
+            still, moving = _held_together(joint.parent, joint)
+            for one, other in itertools.product(still, moving):
+                spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
+        for gone in (*free, *spec.keys):
+            spec.delete(gone)
+        of_joints = [a for a in spec.actuators if a.trntype == mj.mjtTrn.mjTRN_JOINT]
+        for joint in set(driven) - {str(actuator.target) for actuator in of_joints}:
+            made = spec.add_actuator(name=f"{joint} servo", target=joint)
+            made.trntype = mj.mjtTrn.mjTRN_JOINT
+
+    return mujoco.load(path, visuals=False, change=hold).model
 
 
 def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
@@ -146,12 +146,19 @@ def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     """The motion from here on, under the commands of a sine."""
     sine, dt, touched = asked.sine or Sine({}, {}), float(model.opt.timestep), False
     rows = list[tuple[Array, ...]]()
-    drives = [drive for drive in read_drives(model) if drive.joint_name in sine.middle]
+    positions, speeds = sine.commands(asked.steps, dt)
+    commands = dict[int, Array]()
+    for drive in read_drives(model):
+        if drive.joint_name in speeds:
+            commands[drive.ctrl_index] = drive.kd * speeds[drive.joint_name] / drive.gain
+        elif drive.joint_name in positions and drive.holds_position:
+            commands[drive.ctrl_index] = drive.command(positions[drive.joint_name])
     with mujoco.caught_warnings():
         mj.mj_forward(model, data)
         for step in range(asked.steps + 1):
             if step:
-                _command(data, drives, sine, step * dt)
+                for place, row in commands.items():
+                    data.ctrl[place] = row[step - 1]
                 mj.mj_step(model, data)
                 touched = touched or data.ncon > 0
             if step % asked.every == 0 or step == asked.steps:
@@ -163,12 +170,3 @@ def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     joints = {name: q[:, model.jnt_qposadr[j]] for name, j in mujoco.joints(model).items()}
     failure = "" if mujoco.is_finite(data) else "the simulation became unstable"
     return Outcome(None, Motion(time, joints, root, turn, com, touched), failure)
-
-
-def _command(data: Data, drives: Sequence[Drive], sine: Sine, time: float) -> None:
-    for drive in drives:
-        target = sine.target(drive.joint_name, time)
-        if drive.joint_name in sine.speeds:
-            data.ctrl[drive.ctrl_index] = drive.kd * target / drive.gain
-        elif drive.holds_position:
-            data.ctrl[drive.ctrl_index] = drive.command(target)
