@@ -8,7 +8,7 @@ I = 1 / (M^-1)_ii with armature; kd and passive damping summed, as they act.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import ClassVar
 
@@ -165,7 +165,12 @@ class Gains(Check):
             yield from self._judge_stability(one, timestep, name)
             yield from self._judge_damping(actuator, one)
         if self.inherited and joints:
-            yield _inherited([one.frequency_hz for one in joints.values()])
+            drives = "1 drive keeps" if len(joints) == 1 else f"{len(joints)} drives keep"
+            hertz = [one.frequency_hz for one in joints.values()]
+            span = " to ".join(dict.fromkeys(f"{end(hertz):.3g}" for end in (min, max)))
+            text = f"{drives} the gains of the source's MJCF ({span} Hz at this pose): such files "
+            text += "are often tuned for a viewer"
+            yield INHERITED("robot", text, data={"joints": len(joints)})
 
     def _effective(
         self, actuator: Actuator, inertia: float, torque: float | None, dt: float
@@ -257,14 +262,3 @@ class Gains(Check):
             message = f"the drive's kd {kd:.3g} and the joint's damping {actuator.damping:.3g}"
             data = {"kd": kd, "damping": actuator.damping}
             yield DAMPED_TWICE(subject, f"{message} add up", data=data)
-
-
-def _inherited(frequencies: Sequence[float]) -> Finding:
-    drives = "1 drive keeps" if len(frequencies) == 1 else f"{len(frequencies)} drives keep"
-    span = " to ".join(dict.fromkeys(f"{f(frequencies):.3g}" for f in (min, max)))
-    return INHERITED(
-        "robot",
-        f"{drives} the gains of the source's MJCF ({span} Hz at this pose): such files are often "
-        "tuned for a viewer",
-        data={"joints": len(frequencies)},
-    )

@@ -139,7 +139,10 @@ class Mass(Check):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
-        tree, unknown = robot.tree, _half_seen(robot) if self.absent else set[str]()
+        tree, unknown = robot.tree, set[str]()
+        if self.absent:  # bodies with a link that collides and is not drawn
+            drawn, solid = ({s.link for s in robot.shapes.of(r)} for r in ("visual", "collision"))
+            unknown = {tree.placement(link)[0] for link in solid - drawn}
         parts = hulls_by_body(robot)
         hulls = {key: common_hull(parts[key]) for key in parts if key[0] not in unknown}
         every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}
@@ -262,13 +265,6 @@ def _of_no_matter(tree: Tree, bodies: Mapping[str, Filled]) -> Iterator[Finding]
 def _loose_bodies(tree: Tree) -> list[Body]:
     """Return all bodies but the bolted root, which many files give no mass or a whole hall."""
     return [b for b in tree.bodies if tree.base == "floating" or b.name != tree.root]
-
-
-def _half_seen(robot: RobotFiles) -> set[str]:
-    """Bodies with a link that collides and is not drawn."""
-    drawn = {shape.link for shape in robot.shapes.of("visual")}
-    undrawn = {shape.link for shape in robot.shapes.of("collision")} - drawn
-    return {robot.tree.placement(link)[0] for link in undrawn}
 
 
 def _filled(body: Body, hulls: Hulls) -> Filled | None:

@@ -20,7 +20,7 @@ from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import load, mj
-from assetbuild.simulators.mujoco.drives import Drive, read_drives
+from assetbuild.simulators.mujoco.drives import read_drives
 
 LOAD = Rule(
     "mjcf.load", "error", "MuJoCo refuses the file", "its message names the element or the file"
@@ -247,6 +247,7 @@ KEY_TARGET = Rule(
 
 def lint_model(model: mujoco.Model) -> Iterator[Finding]:
     """All that the compiled model shows without a step of simulation."""
+    servos = [drive for drive in read_drives(model) if drive.kind == "servo"]
     for key in range(model.nkey):
         name = mujoco.name_of(model, "key", key)
         qpos, ctrl = model.key_qpos[key], model.key_ctrl[key]
@@ -260,9 +261,15 @@ def lint_model(model: mujoco.Model) -> Iterator[Finding]:
                 value = ctrl[mujoco.first_command(model, drive)]
                 subject = f"actuator {mujoco.name_of(model, 'actuator', drive)}"
                 yield from _outside(KEY_CTRL, subject, name, value, model.actuator_ctrlrange[drive])
-        for servo in read_drives(model):
-            if servo.kind == "servo":
-                yield from _target(model, servo, name, qpos, float(ctrl[servo.ctrl_index]))
+        for servo in servos:
+            at = float(qpos[model.jnt_qposadr[servo.joint]])
+            target = servo.target(float(ctrl[servo.ctrl_index]))
+            if abs(at - target) > TARGET_TOLERANCE:
+                yield KEY_TARGET(
+                    f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
+                    f"keyframe `{name}`: its target is {target:g}, the joint stands at {at:g}",
+                    data={"keyframe": name, "target": target, "position": at},
+                )
 
 
 def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> Iterator[Finding]:
@@ -272,17 +279,4 @@ def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> I
             subject,
             f"keyframe `{key}`: {value:g} is outside {low:g}..{high:g}",
             data={"keyframe": key, "value": float(value), "lower": low, "upper": high},
-        )
-
-
-def _target(
-    model: mujoco.Model, servo: Drive, key: str, qpos: Array, command: float
-) -> Iterator[Finding]:
-    """A position drive that pulls away from the pose it starts in."""
-    at, target = float(qpos[model.jnt_qposadr[servo.joint]]), servo.target(command)
-    if abs(at - target) > TARGET_TOLERANCE:
-        yield KEY_TARGET(
-            f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
-            f"keyframe `{key}`: its target is {target:g}, the joint stands at {at:g}",
-            data={"keyframe": key, "target": target, "position": at},
         )

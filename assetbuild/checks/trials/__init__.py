@@ -22,6 +22,7 @@ from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import ArenaFullError
 from assetbuild.simulators.mujoco import trials as experiments
 from assetbuild.simulators.mujoco.drives import servoed
+from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 from assetbuild.simulators.mujoco.stand import outcome_figures, stand
 
 SHOWN_PAIRS = 40
@@ -221,7 +222,8 @@ class Trials(mujoco.InMujoco):
                     data={"depth_m": depth, "limit_m": START_M},
                     blocks=depth > START_M,
                 )
-        if free and not experiments.touches_floors(model):
+        floors, able = set(mujoco.floors(model)), (*touching_geoms(model), *explicit_pairs(model))
+        if free and not any(floors & set(pair) for pair in able):
             yield rules.NOTHING_TOUCHES(
                 "robot",
                 "it floats, and none of its shapes can touch the floor: it falls through",

@@ -108,7 +108,9 @@ def slope_under(model: Model, share: float) -> Slope | str:
             return "it does not touch the floor"
         if mu <= 0.0:
             return "its feet have no friction"
-        if any(_rolls(model, int(model.geom_bodyid[geom])) for _, geom in touching):
+        held = {drive.joint for drive in read_drives(model) if drive.holds_position}
+        turning = {int(model.jnt_bodyid[joint]) for joint in {*mujoco.turning(model)} - held}
+        if any(mujoco.above(model, model.geom_bodyid[geom]) & turning for _, geom in touching):
             return "it rolls"
         margin = support(model).margin_m
     if margin is None or margin <= 0.0:
@@ -154,10 +156,3 @@ def _sliding(model: Model, data: Data, down: Array) -> float:
     x, y, z = (data.contact.pos[contacts] - data.subtree_com[model.body_rootid[bodies]]).T
     along = down[0] * (vx + wy * z - wz * y) + down[1] * (vy + wz * x - wx * z)
     return float(along.sum()) / len(touching)
-
-
-def _rolls(model: Model, body: int) -> bool:
-    """Whether a joint above a body turns freely: nothing holds its position."""
-    held = {drive.joint for drive in read_drives(model) if drive.holds_position}
-    line, free = mujoco.above(model, body), {*mujoco.turning(model)} - held
-    return any(int(model.jnt_bodyid[joint]) in line for joint in free)

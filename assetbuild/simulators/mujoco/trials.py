@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, read_drives, torque_on
-from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
-Name = TypeVar("Name", str, tuple[str, str])
+Depths = Mapping[tuple[str, str], float]
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is commanded to move its joint; less where the range is short."""
 FREQUENCY_HZ = 2.0
@@ -90,7 +88,12 @@ def shake(model: Model, action: Action) -> tuple[float | None, str, float] | Non
     servos = [drive for drive in read_drives(model) if drive.holds_position]
     if not servos:
         return None
-    scales = [drive.command_step(_scale(model, drive, action)) for drive in servos]
+    scales = []
+    for drive in servos:
+        lower, upper = torque_on(model, drive.joint)
+        effort, slides = max(-lower, upper), int(model.jnt_type[drive.joint]) == 2
+        scale = action.scale(effort if effort < math.inf else None, drive.kp, slides=slides)
+        scales.append(drive.command_step(scale))
     places, joints = [drive.ctrl_index for drive in servos], mujoco.turning(model)
     dofs = model.jnt_dofadr[joints]
     random, speeds, ended = np.random.default_rng(SEED), np.zeros(len(joints)), None
@@ -110,14 +113,6 @@ def shake(model: Model, action: Action) -> tuple[float | None, str, float] | Non
             speeds = np.maximum(speeds, np.abs(data.qvel[dofs]))
     name = mujoco.name_of(model, "joint", joints[int(speeds.argmax())])
     return ended, name, float(speeds.max())
-
-
-def _scale(model: Model, drive: Drive, action: Action) -> float:
-    """rad or m for one unit of action."""
-    lower, upper = torque_on(model, drive.joint)
-    effort = max(-lower, upper)
-    slides = int(model.jnt_type[drive.joint]) == 2
-    return action.scale(effort if math.isfinite(effort) else None, drive.kp, slides=slides)
 
 
 # --- energy and timestep ------------------------------------------------------------------------
@@ -188,7 +183,7 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
 # --- what touches what --------------------------------------------------------------------------
 
 
-def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
+def touching_pairs(model: Model, poses: int) -> Depths:
     """Share of random poses within the limits in which two bodies of the robot touch."""
     counts: dict[tuple[str, str], int] = {}
     random = np.random.default_rng(SEED)
@@ -208,16 +203,10 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
     return _largest_first({pair: count / poses for pair, count in counts.items() if count})
 
 
-def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
+def overlaps_at_home(model: Model) -> Depths:
     """Depth (m) in which bodies lie in one another or in a floor ("") in the initial pose."""
     with mujoco.caught_warnings():
         return _largest_first(mujoco.overlaps(model, mujoco.at_key(model), "body", floor=True))
-
-
-def touches_floors(model: Model) -> bool:
-    """Whether a shape of the robot can touch a floor, by MuJoCo's masks or an explicit pair."""
-    planes = set(mujoco.floors(model))
-    return any(planes & set(pair) for pair in (*touching_geoms(model), *explicit_pairs(model)))
 
 
 def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str], float]:
@@ -232,7 +221,7 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     return mujoco.overlaps(model, data, "geom", floor=stands)
 
 
-def _largest_first(values: Mapping[Name, float]) -> Mapping[Name, float]:
+def _largest_first(values: Depths) -> Depths:
     return dict(sorted(values.items(), key=lambda item: (-item[1], item[0])))
 
 
