@@ -72,18 +72,14 @@ class MjxPairs(Check):
             write_figures(files, {"skipped": "it does not load"})
             yield LOAD("robot", f"MuJoCo refuses it: {error.message}")
             return
-        write_figures(files, figures(model))
+        counts = {kinds: len(alike) for kinds, alike in pairs(model).items()}
+        figures = {
+            "pairs": sum(counts.values()),
+            "fast_on_warp": sum(counts[kinds] for kinds in counts.keys() & FAST_ON_WARP),
+            "by_kinds": {"-".join(kinds): counts[kinds] for kinds in sorted(counts)},
+        }
+        write_figures(files, figures)
         yield from judge(model)
-
-
-def figures(model: mujoco.Model) -> dict[str, object]:
-    """Number of pairs by their kinds, and in all."""
-    counts = {kinds: len(alike) for kinds, alike in pairs(model).items()}
-    return {
-        "pairs": sum(counts.values()),
-        "fast_on_warp": sum(counts[kinds] for kinds in counts.keys() & FAST_ON_WARP),
-        "by_kinds": {"-".join(kinds): counts[kinds] for kinds in sorted(counts)},
-    }
 
 
 def pairs(model: mujoco.Model) -> dict[Kinds, list[Pair]]:
