@@ -187,7 +187,7 @@ def drop(control: Control, seconds: float) -> Experiment:
     return Experiment("fall", setting, steps=steps, every=steps)
 
 
-def standing(tree: Tree, control: Control) -> Setting:
+def standing(tree: Tree, control: Control, raised_m: float = 0.0) -> Setting:
     """The initial pose on a floor, a hair above it, with servos for laws outside of the engine.
 
     A sole that starts inside of the floor by the smallest amount is thrown out in the first step.
@@ -197,8 +197,9 @@ def standing(tree: Tree, control: Control) -> Setting:
     x, y, z = base.xyz
     return replace(
         plain(control),
-        at=Pose((x, y, z + CLEARANCE_M), base.quat),
+        at=Pose((x, y, z + CLEARANCE_M + raised_m), base.quat),
         keyframe=start.name,
+        raised_m=raised_m,
         floor_friction=control.contact.friction[0],
         drives=servos(control),
     )

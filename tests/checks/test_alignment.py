@@ -17,8 +17,7 @@ from pxr import Usd, UsdPhysics
 from robot_files import models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
 
-from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
-from assetbuild.alignment.check import Compared, stand_rows
+from assetbuild.alignment.check import SAMPLE_S, Compared, experiments_of, into_stop, stand_rows
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.checks._newton import OFF as NEWTON_OFF
 from assetbuild.checks._newton import NewtonAlignment, touching_row
