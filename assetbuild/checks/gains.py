@@ -161,8 +161,7 @@ class Gains(Check):
         write_figures(files, figures, limits)
         for name, one in joints.items():
             actuator, slides = control.by_joint[name], tree.by_joint[name].kind == "prismatic"
-            yield from self._judge_strength(actuator, one, slides=slides)
-            yield from self._judge_stability(one, timestep, name)
+            yield from self._judge_strength(actuator, one, timestep, slides=slides)
             yield from self._judge_damping(actuator, one)
         if self.inherited and joints:
             drives = "1 drive keeps" if len(joints) == 1 else f"{len(joints)} drives keep"
@@ -201,7 +200,7 @@ class Gains(Check):
         )
 
     def _judge_strength(
-        self, actuator: Actuator, one: Effective, *, slides: bool
+        self, actuator: Actuator, one: Effective, timestep: float, *, slides: bool
     ) -> Iterator[Finding]:
         subject = f"actuator {actuator.joint}"
         way, unit = ("m", "N") if slides else ("rad", "N m")
@@ -228,12 +227,10 @@ class Gains(Check):
                 f"saturates at {most:.3g} {way} of error: it acts as a switch rather than a spring",
                 data={"error_at_limit": most},
             )
-
-    def _judge_stability(self, one: Effective, timestep: float, joint: str) -> Iterator[Finding]:
         if one.margin is not None and one.margin < self.margin:
             diverges = one.margin <= 1.0
             yield UNSTABLE(
-                f"actuator {joint}",
+                subject,
                 f"{'diverges' if diverges else 'is close to diverging'} at a timestep of "
                 f"{timestep:g} s: {one.margin:.3g} times its gains are the limit",
                 severity="error" if diverges else "warning",

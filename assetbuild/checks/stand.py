@@ -145,7 +145,18 @@ class Stand(mujoco.InMujoco):
             yield self._fell(stood)
         if tree.base == "floating":
             yield from self._judge_soles(self._soles(stood, link_of, tree))
-            yield from self._judge_base(stood)
+            for rule, value, limit, unit, what in (
+                (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed"),
+                (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted"),
+                (DRIFT, stood.drift_m, self.max_drift, "m", "base moved sideways"),
+            ):
+                if value > limit:
+                    message = (
+                        f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}"
+                    )
+                    yield rule(
+                        "robot", message, data={f"value_{unit}": value, f"limit_{unit}": limit}
+                    )
             yield from self._judge_contacts(stood, link_of)
         for joint, load in stood.load.items():
             if load >= self.saturated:
@@ -200,16 +211,6 @@ class Stand(mujoco.InMujoco):
                     severity="error" if abs(gap) > FAR * self.sole else "warning",
                     data={"gap_m": gap, "tolerance_m": self.sole},
                 )
-
-    def _judge_base(self, stood: Stood) -> Iterator[Finding]:
-        for rule, value, limit, unit, what in (
-            (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed"),
-            (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted"),
-            (DRIFT, stood.drift_m, self.max_drift, "m", "base moved sideways"),
-        ):
-            if value > limit:
-                message = f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}"
-                yield rule("robot", message, data={f"value_{unit}": value, f"limit_{unit}": limit})
 
     def _judge_contacts(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         at_end = {link_of.get(geom, geom) for geom in stood.touching}

@@ -9,6 +9,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from newton_child import KINDS, plain
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.facts.compare import differences, equality_findings
@@ -29,7 +30,6 @@ from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose, quat_of
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.experiments import Motion, Outcome
-from assetbuild.simulators.newton._reading import KINDS, plain
 from assetbuild.simulators.physx.couplings import experiments, measured
 from assetbuild.simulators.stages import TURN
 

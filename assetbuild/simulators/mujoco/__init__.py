@@ -301,28 +301,20 @@ def stands_free(model: Model) -> bool:
     return floats(model) and bool(floors(model))
 
 
-def free_joints(model: Model) -> list[int]:
-    """Joints by which bodies float."""
-    return np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE).tolist()
-
-
 def raise_base(model: Model, data: Data, height_m: float) -> None:
     """Lift what floats; call before the next step."""
-    for joint in free_joints(model):
-        data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
+    data.qpos[model.jnt_qposadr[model.jnt_type == mj.mjtJoint.mjJNT_FREE] + 2] += height_m
 
 
 def hold_base(model: Model) -> None:
     """A floating base with the inertia of a hill, of a model that may be changed: see `HELD_KG`."""
-    for joint in free_joints(model):
-        first = int(model.jnt_dofadr[joint])
-        model.dof_armature[first : first + 6] = HELD_KG
+    free = np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE)
+    model.dof_armature[np.isin(model.dof_jntid, free)] = HELD_KG
 
 
 def held_but(model: Model, joints: Collection[int]) -> None:
     """Likewise hold everything still but these hinges and slides."""
-    moving = [int(model.jnt_dofadr[joint]) for joint in joints]
-    model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = HELD_KG
+    model.dof_armature[~np.isin(model.dof_jntid, [*joints])] = HELD_KG
 
 
 def above(model: Model, body: int) -> set[int]:
