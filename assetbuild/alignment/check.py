@@ -235,9 +235,7 @@ def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
 
 def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """How each joint follows its sine."""
-    sine = asked.sine
-    assert sine is not None  # noqa: S101 # made so
-    is_pure, wish = not asked.setting.rubbing, both.limits.sine or Swing()
+    sine, is_pure, wish = asked.sine, not asked.setting.rubbing, both.limits.sine or Swing()
     soft = {joint.mimic.joint: "coupling of joints" for joint in both.tree.joints if joint.mimic}
     if not is_pure:
         soft |= {a.joint: "dry friction" for a in both.control.actuators if a.friction > 0.0}
@@ -327,7 +325,6 @@ def stop_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
 
 def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """A row for each joint that was driven: beyond its limit, rad or m, the largest of the run."""
-    assert asked.sine is not None  # noqa: S101 # made so
     end: End = "lower" if asked.name.startswith("past_lower") else "upper"
     for joint in tree.moving_joints:
         if not asked.sine.swing[joint.name]:

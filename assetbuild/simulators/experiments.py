@@ -148,6 +148,7 @@ class Experiment:
     """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
 
     start: joint positions, rad or m; joints without one stay where the asset puts them.
+    sine: without joints there is none.
     pilot: a socket whose other end looks and commands until it has seen enough: see `_moving`.
     """
 
@@ -156,7 +157,7 @@ class Experiment:
     steps: int = 0
     every: int = 1
     start: Mapping[str, float] | None = None
-    sine: Sine | None = None
+    sine: Sine = Sine({}, {})
     course: Course | None = None
     pilot: str = ""
 

@@ -192,7 +192,6 @@ class LoopCheck(SimulatorCheck):
             write_figures(files, {"skipped": reason})
             return
         asked = trial(tree, control, self.wish)
-        assert asked.sine is not None  # noqa: S101 # made so
         done = self.perform(files.inputs, (asked,))[asked.name]
         worst = opened(tree, control, done)
         gaps_known = {name: known(gap) for name, gap in worst.items()}

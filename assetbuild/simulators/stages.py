@@ -76,7 +76,7 @@ def run_of(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, 
         pushed = {word: row[1:].tolist() for word, row in rows.items()}
         pushed |= {"watched": list(course.watched)}
         targets = {name: row[1:] for name, row in course.targets.items()}
-    elif experiment.sine is not None:
+    elif experiment.sine.middle:
         targets, speeds = experiment.sine.commands(experiment.steps, dt)
     else:  # servos that the asset does not know have no target there: hold the start
         servos = experiment.setting.drives or {}

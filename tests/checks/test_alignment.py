@@ -211,7 +211,7 @@ def past_upper(coarse: float, fine: float) -> Row:
     drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
     asked = experiments_of(tree, Control((drive,), ()), Swing())
     sine = asked["past_upper"].sine
-    assert sine is not None and joint.limits.upper is not None
+    assert joint.limits.upper is not None
     positions, _ = sine.commands(1, 0.25)
     assert positions[joint.name][0] > joint.limits.upper > sine.middle[joint.name]
 

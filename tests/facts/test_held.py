@@ -99,7 +99,6 @@ def test_a_motion_shows_kind_axis_and_anchor() -> None:
 def coupled(multiplier: float, offset: float) -> dict[str, Outcome]:
     """What the experiment shows under a coupling."""
     (experiment,) = experiments(LED.tree, LED.control)
-    assert experiment.sine is not None
     positions, _ = experiment.sine.commands(2, 0.05)
     lead = np.array([experiment.sine.middle["FR_thigh_joint"], *positions["FR_thigh_joint"]])
     joints = {"FR_thigh_joint": lead, "FR_calf_joint": multiplier * lead + offset}

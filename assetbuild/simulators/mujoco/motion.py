@@ -19,7 +19,6 @@ from assetbuild.simulators.experiments import (
     Outcome,
     Setting,
     SimulatorCheck,
-    Sine,
 )
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import aim, drive_as, read_drives
@@ -50,12 +49,12 @@ def perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
     try:
         if not asked.steps:
             return Outcome(mujoco.load(path).model, None)
-        if sine is None:
+        if not sine.middle:
             model = mujoco.load(path, visuals=False).model
         else:
             model = held_model(path, () if setting.other_drives else servos)
         drive_as(model, servos, others=setting.other_drives)
-        _surround(model, setting, drives=sine is not None or setting.contacts)
+        _surround(model, setting, drives=bool(sine.middle) or setting.contacts)
         return _track(model, _started(model, asked, servos), asked)
     except StepError as error:
         return Outcome(None, None, error.message)
@@ -90,7 +89,7 @@ def _started(model: Model, asked: Experiment, servos: Mapping[str, Actuator]) ->
 
     Of a keyframe, which knows no controls for servos of ours, they hold the positions.
     """
-    if asked.sine is not None:
+    if asked.sine.middle:
         data = mj.MjData(model)
         for name, position in (asked.start or {}).items():
             data.qpos[int(model.joint(name).qposadr[0])] = position
@@ -144,7 +143,7 @@ def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
 
 def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     """The motion from here on, under the commands of a sine."""
-    sine, dt, touched = asked.sine or Sine({}, {}), float(model.opt.timestep), False
+    sine, dt, touched = asked.sine, float(model.opt.timestep), False
     rows = list[tuple[Array, ...]]()
     positions, speeds = sine.commands(asked.steps, dt)
     commands = dict[int, Array]()
