@@ -58,15 +58,11 @@ class Row:
 
     def shown(self, engine: str) -> dict[str, object]:
         """For the figures, under the name of the other engine: no NaN, which JSON lacks."""
-        values: dict[str, float | str | None] = {
-            "mujoco": self.mujoco,
-            engine.lower(): self.theirs,
-            "off": self.off if self.off is None else rounded(self.off, self.warn),
-        }
-        plain = {key: known(value) for key, value in values.items()}
-        head: dict[str, object] = {"rank": self.rank, "row": self.name, "of": self.subject}
+        off = None if self.off is None else known(rounded(self.off, self.warn))
+        values = {"mujoco": known(self.mujoco), engine.lower(): known(self.theirs), "off": off}
+        head = {"rank": self.rank, "row": self.name, "of": self.subject}
         reason = {"because": self.because} if self.because else {}
-        return head | plain | {"unit": self.unit, "verdict": self.verdict} | reason
+        return {**head, **values, "unit": self.unit, "verdict": self.verdict, **reason}
 
 
 def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding]:

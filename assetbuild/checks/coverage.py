@@ -23,7 +23,7 @@ from assetbuild.plugin_types import Check, write_figures
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import IDENTITY
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import Role
 
 SHIFT = Rule(
@@ -77,13 +77,7 @@ class Coverage(Check):
         tree, hulls = robot.tree, hulls_by_body(robot)
         names = [body.name for body in tree.bodies]
         both = [n for n in names if (n, "visual") in hulls and (n, "collision") in hulls]
-
-        @functools.cache
-        def outside(name: str) -> Distance:
-            """Distance from the hull of all that is seen of a body."""
-            hull = common_hull(hulls[name, "visual"])
-            return beyond_hull(hull) if len(hull.faces) else distance_to(hull.vertices, IDENTITY)
-
+        outside = functools.cache(lambda name: _outside(hulls[name, "visual"]))
         fits = {name: _fit(tree, hulls, name, outside) for name in both}
         rows = [
             {"body": name, "sticks_out_mm": 1e3 * fit.over_m,
@@ -92,26 +86,21 @@ class Coverage(Check):
         ]  # fmt: skip
         limits = dict.fromkeys(("sticks_out_mm", "shift_mm"), 1e3 * self.max_shift)
         write_figures(files, {"bodies": rows}, limits)
-        yield from self._shifts(
-            {
-                name: fit
-                for name, fit in fits.items()
-                if fit.largest_m > self._limit(fit) and fit.over_m > 0.5 * fit.largest_m
-            }
-        )
+        yield from self._shifts(fits)
 
     def _limit(self, fit: Fit) -> float:
         return max(self.max_shift, self.max_shift_share * fit.size_m)
 
-    def _shifts(self, beside: Mapping[str, Fit]) -> Iterator[Finding]:
+    def _shifts(self, fits: Mapping[str, Fit]) -> Iterator[Finding]:
         """One finding for all bodies with an equal shift: four legs share a mistake, or a plan."""
         alike: dict[str, list[str]] = {}
-        for name, fit in beside.items():
-            axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
-            shift = f"{_length(fit.largest_m)} along {axis}"
-            alike.setdefault(shift, []).append(name)
+        for name, fit in fits.items():
+            if fit.largest_m > self._limit(fit) and fit.over_m > 0.5 * fit.largest_m:
+                axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
+                shift = f"{_length(fit.largest_m)} along {axis}"
+                alike.setdefault(shift, []).append(name)
         for shift, (name, *others) in alike.items():
-            fit = beside[name]
+            fit = fits[name]
             same = f"; the same holds for {', '.join(others)}" if others else ""
             yield SHIFT(
                 f"link {name}",
@@ -145,13 +134,23 @@ def _beyond_robot(tree: Tree, hulls: Hulls, body: str, outside: Callable[[str], 
 
     A source may give a motor to one link to be seen and to its neighbour to be hit.
     """
-    above = tree.joint_above.get(body)
-    near = {body: IDENTITY} | ({above.parent: above.X_parent_joint.inverse()} if above else {})
-    near |= {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
     left = np.concatenate([hull.vertices for hull in hulls[body, "collision"]])
     apart = np.full(len(left), np.inf)
-    for name, X_body_other in near.items():
+    for name, X_body_other in ({body: IDENTITY} | _neighbours(tree, body)).items():
         if (name, "visual") in hulls and len(left):
             apart = np.minimum(apart, outside(name)(X_body_other.inverse().apply(left)))
             left, apart = left[apart > 0.0], apart[apart > 0.0]
     return float(apart.max(initial=0.0))
+
+
+def _outside(hulls: Sequence[TriangleMesh]) -> Distance:
+    """Distance from the hull of all that is seen of a body."""
+    hull = common_hull(hulls)
+    return beyond_hull(hull) if len(hull.faces) else distance_to(hull.vertices, IDENTITY)
+
+
+def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
+    """X_body_other of the bodies that a joint connects to it, joints at 0."""
+    above = tree.joint_above.get(body)
+    parent = {} if above is None else {above.parent: above.X_parent_joint.inverse()}
+    return parent | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}

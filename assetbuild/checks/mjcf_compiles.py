@@ -16,7 +16,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.mjcf_grammar import OLDEST, newer_words
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import load, mj
@@ -35,12 +35,10 @@ SIZES = {"bodies": "nbody", "nq": "nq", "nv": "nv", "nu": "nu", "keyframes": "nk
 """Figure -> its name in MuJoCo's model."""
 
 
-class MjcfCompiles(Check):
+class MjcfCompiles(mujoco.WithMujoco):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
     usual_s = 0.6
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjcf",)
     reads = ()
 

@@ -14,7 +14,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.standins import Record, recorded, table_of, words_of
 from assetbuild.findings import NOT_LOADED, Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 
@@ -35,11 +35,9 @@ BURIED = Rule(
 )
 
 
-class MjlabContract(Check):
+class MjlabContract(mujoco.WithMujoco):
     """One finding per broken promise."""
 
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjlab",)
     reads: ClassVar = ("tree.json",)
 

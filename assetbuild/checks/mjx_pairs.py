@@ -15,7 +15,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
@@ -56,11 +56,9 @@ OPTION = Rule(
 )
 
 
-class MjxPairs(Check):
+class MjxPairs(mujoco.WithMujoco):
     """Findings `mjx.<what>`; figures: pairs by kinds, and how many are fast."""
 
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjx",)
     reads = ()
 

@@ -16,12 +16,13 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, quat_of, vec3
 from assetbuild.robot.tree import sample_positions
-from assetbuild.simulators.mujoco import Model, body_names, floats, load, mass_matrix, mj, without
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Model, floats, mj
 
 LOAD = Rule("oracle.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
 DIFFERS = Rule(
@@ -49,7 +50,7 @@ BASE = 6
 """Degrees of freedom of a free base, the first of both libraries."""
 
 
-class Oracle(Check):
+class Oracle(mujoco.WithMujoco):
     """At random poses kinematics, mass matrix and gravity, by two libraries.
 
     Errors are relative. Kinematics: entries of 4 x 4 poses against max(1, largest |entry|), metres
@@ -62,9 +63,6 @@ class Oracle(Check):
     """
 
     usual_s = 0.4
-    isolated: ClassVar = True
-    # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
-    preload: ClassVar = ("mujoco",)
     needs: ClassVar = ("mjcf", "source")
     reads: ClassVar = ("links.json", "tree.json")
     requires: ClassVar = {"pinocchio": "oracle"}
@@ -98,7 +96,7 @@ class Oracle(Check):
             return
         try:
             path = files.inputs / "mjcf" / f"{self.robot}.xml"
-            ours = _Mujoco(load(path, visuals=False).model, tree)
+            ours = _Mujoco(mujoco.load(path, visuals=False).model, tree)
         except StepError as error:
             yield LOAD("robot", f"nothing to compare: {error.message}")
             return
@@ -136,7 +134,7 @@ def _errors(pin: _Pinocchio, ours: _Mujoco) -> Iterator[tuple[str, float, str]]:
     if not joints:
         return
     here, there = ([side.dof[name] for name in joints] for side in (ours, pin))
-    matrix = mass_matrix(ours.model, ours.data)[np.ix_(here, here)]
+    matrix = mujoco.mass_matrix(ours.model, ours.data)[np.ix_(here, here)]
     wanted = pin.mass_matrix()[np.ix_(there, there)]
     root = np.sqrt(np.diag(wanted))
     errors = np.abs(matrix - wanted) / np.outer(root, root)
@@ -256,7 +254,7 @@ class _Mujoco:
     """
 
     def __init__(self, model: Model, tree: Tree) -> None:
-        model = without(model, "CONTACT")
+        model = mujoco.without(model, "CONTACT")
         # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
         model.dof_armature[:] = 0.0
         self.model, self.data, self.root = model, mj.MjData(model), tree.root
@@ -269,7 +267,7 @@ class _Mujoco:
         joints = {joint.name: model.joint(joint.name) for joint in tree.moving_joints}
         self.dof = {name: int(joint.dofadr[0]) for name, joint in joints.items()}
         self._qpos = {name: int(joint.qposadr[0]) for name, joint in joints.items()}
-        self._written = body_names(tree)
+        self._written = mujoco.body_names(tree)
         self._sites = {str(model.site(index).name) for index in range(model.nsite)}
         self._bodies = {str(model.body(index).name) for index in range(model.nbody)}
         for body in tree.bodies:
@@ -301,14 +299,11 @@ class _Mujoco:
                 yield _matrix(self.data.site(name))
 
     def matter(self) -> Matter:
-        """The same three, summed over MuJoCo's bodies."""
-        masses, turns = self.model.body_mass, self.data.ximat.reshape(-1, 3, 3)
-        total, places = float(masses.sum()), np.array(self.data.xipos)
-        centre = masses @ places / total if total else np.zeros(3)
-        arms = places - centre
-        inertia = np.einsum("bij,bj,bkj->ik", turns, self.model.body_inertia, turns)
-        second = np.einsum("b,bi,bj->ij", masses, arms, arms)
-        return total, centre, inertia + np.trace(second) * np.eye(3) - second
+        """The same three, of MuJoCo's composite of all bodies."""
+        xx, yy, zz, xy, xz, yz = self.data.crb[1][:6]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        total = float(self.model.body_subtreemass[0])
+        return total, np.array(self.data.subtree_com[0]), inertia
 
 
 def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData

@@ -27,7 +27,7 @@ from assetbuild.facts.mjcf import MESHES
 from assetbuild.facts.table import Key, Table, Value, pair_of
 from assetbuild.facts.vocabulary import Comparison
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, RecipeView, write_figures
+from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
@@ -47,15 +47,13 @@ _POLYGON = re.compile(rb"(?m)^f(?:[ \t]+\S+){5}")
 """A face of five corners or more."""
 
 
-class MjcfSource(Check):
+class MjcfSource(mujoco.WithMujoco):
     """Findings `equal.source.<what>`; all are errors and carry both values.
 
     What the recipe itself says (`stated`) is not compared here; the readers of
     facts compare it with the robot.
     """
 
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjcf", "source_mjcf")
     reads = ("tree.json",)
 

@@ -54,11 +54,16 @@ def body_names(tree: Tree) -> dict[str, str]:
     return names
 
 
-class InMujoco(Check):
-    """Base of the checks that simulate the MJCF."""
+class WithMujoco(Check):
+    """Base of the checks that look at compiled models."""
 
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+
+
+class InMujoco(WithMujoco):
+    """Base of the checks that simulate the MJCF."""
+
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     engines: ClassVar[tuple[str, ...]] = ("mujoco",)
 
