@@ -44,7 +44,6 @@ from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, SourceShape, S
 if TYPE_CHECKING:
     from assetbuild.engine.world import World
 
-Reweigh = Callable[[Body], tuple[Inertial, Finding] | None]
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
 
 
@@ -152,18 +151,8 @@ class LinkEdit(Edit):
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
-        return self.edited(tree, shapes, self.change)
-
-    def edited(self, tree: Tree, shapes: SourceShapes, change: Reweigh) -> Edited:
-        """The robot with new mass properties of the links that match; None = one stays."""
-        bodies, findings = [], []
-        for body in tree.bodies:
-            changed = change(body) if re.fullmatch(self.link, body.name) else None
-            if changed is not None:
-                body = replace(body, inertial=changed[0])
-                findings.append(changed[1])
-            bodies.append(body)
-        return Edited(replace(tree, bodies=tuple(bodies)), shapes, tuple(findings))
+        tree, findings = edit_inertials(tree, self.link, self.change)
+        return Edited(tree, shapes, findings)
 
 
 class MassEdit(LinkEdit):
@@ -203,6 +192,20 @@ class Edited:
     tree: Tree
     shapes: SourceShapes
     findings: tuple[Finding, ...]
+
+
+def edit_inertials(
+    tree: Tree, pattern: str, change: Callable[[Body], tuple[Inertial, Finding] | None]
+) -> tuple[Tree, tuple[Finding, ...]]:
+    """The tree with new mass properties of the links that match; None = this one stays."""
+    bodies, findings = [], []
+    for body in tree.bodies:
+        changed = change(body) if re.fullmatch(pattern, body.name) else None
+        if changed is not None:
+            body = replace(body, inertial=changed[0])
+            findings.append(changed[1])
+        bodies.append(body)
+    return replace(tree, bodies=tuple(bodies)), tuple(findings)
 
 
 class RecipeView(Protocol):
@@ -370,10 +373,6 @@ def lacking(requires: Mapping[str, str], world: World) -> str:
     return ""
 
 
-NOISE = 1e-9
-"""A figure without a limit is rounded to a thousandth of this."""
-
-
 def write_figures(
     files: Files, figures: Mapping[str, object], limits: Mapping[str, float] | None = None
 ) -> None:
@@ -389,9 +388,9 @@ def write_figures(
 
 
 def _rounded_figures(value: object, limits: Mapping[str, float], limit: float | None) -> object:
-    """limit: of the nearest named figure around it."""
+    """limit: of the nearest named figure around it; 1e-9 where there is none."""
     if isinstance(value, float):
-        return rounded(value, limit) if limit else float(f"{rounded(value, NOISE):.6g}")
+        return rounded(value, limit) if limit else float(f"{rounded(value, 1e-9):.6g}")
     if isinstance(value, Mapping):
         return {k: _rounded_figures(v, limits, limits.get(k, limit)) for k, v in value.items()}
     if isinstance(value, list | tuple):

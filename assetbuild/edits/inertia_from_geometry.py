@@ -18,7 +18,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import cleaned, merged, solid_moments
-from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit
+from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, mass_data, move_inertial, tensor_of
@@ -94,7 +94,8 @@ class InertiaFromGeometry(MassEdit):
             after = combine([_times(part, density) for part in parts])
             return after, self._finding(body, after, volume, density, len(link_shapes))
 
-        return self.edited(tree, shapes, change)
+        tree, findings = edit_inertials(tree, self.link, change)
+        return Edited(tree, shapes, findings)
 
     def _other(self) -> str:
         return "collision" if self.from_ == "visual" else "visual"
