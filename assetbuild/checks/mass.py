@@ -162,18 +162,7 @@ class Mass(Check):
         for (name, _), hull in hulls.items():
             points.setdefault(name, []).append(hull.vertices)
         extents = {name: extent_of(vertices) for name, vertices in points.items()}
-        yield from self._judge_total(total)
-        yield from _too_large(tree, extents)
-        yield from _of_no_matter(tree, every)
-        for name, row in bodies.items():
-            yield from self._judge(name, row, total)
-        yield from _outside(bodies)
-        yield from contradictions(tree, extents)
-
-    def _judge_total(self, total: float) -> Iterator[Finding]:
-        if self.total_kg is None:
-            return
-        error = abs(total - self.total_kg) / self.total_kg
+        error = abs(total - self.total_kg) / self.total_kg if self.total_kg is not None else 0.0
         if error > self.tolerance:
             yield TOTAL(
                 "robot",
@@ -181,6 +170,12 @@ class Mass(Check):
                 severity="error" if error > BROKEN * self.tolerance else "warning",
                 data={"total_kg": total, "datasheet_kg": self.total_kg, "relative": error},
             )
+        yield from _too_large(tree, extents)
+        yield from _of_no_matter(tree, every)
+        for name, row in bodies.items():
+            yield from self._judge(name, row, total)
+        yield from _outside(bodies)
+        yield from contradictions(tree, extents)
 
     def _judge(self, name: str, row: Filled, total_kg: float) -> Iterator[Finding]:
         if not self.density[0] <= row.density <= self.density[1]:

@@ -201,7 +201,11 @@ def _experiment(
     name: str, model: mujoco.Model, hand: Hand, place: Place, mass: float
 ) -> Experiment:
     pose, step = hand.poses[place.start], float(model.opt.timestep)
-    R, at = _to_world(model, pose)
+    R, at = np.eye(3), np.zeros(3)  # from MuJoCo's world into that of the stage
+    if mujoco.floats(model):  # which holds a floating base at its origin
+        data = at_pose(model, pose)
+        R = data.xmat[1].reshape(3, 3).T
+        at = -R @ data.xpos[1]
     times: Array = step * np.arange(round(grip.TOTAL_S / step) + 1.0)
 
     table = grip.table_at(place, times) @ R.T + at
@@ -234,17 +238,6 @@ def _experiment(
     )
     every = max(1, round(SAMPLE_S / step))
     return Experiment(name, setting, len(times) - 1, every, positions, course=course)
-
-
-def _to_world(model: mujoco.Model, pose: Array) -> tuple[Array, Array]:
-    """(3, 3) and (3,): from MuJoCo's world into that of the stage, which holds a floating base at
-    its origin.
-    """
-    if not mujoco.floats(model):
-        return np.eye(3), np.zeros(3)
-    data, root = at_pose(model, pose), 1
-    R = data.xmat[root].reshape(3, 3).T
-    return R, -R @ data.xpos[root]
 
 
 def _grip(outcome: Outcome, hand: Hand, place: Place, mass: float) -> Grip:

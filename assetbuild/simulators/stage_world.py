@@ -31,10 +31,30 @@ def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     robot.GetPrim().GetReferences().AddReference(str(main))
     if setting.at is not None:
         _place(robot.GetPrim(), setting.at)
-    _define_scene(stage, setting)
+    gravity = np.asarray(setting.gravity)
+    strength = float(np.linalg.norm(gravity))
+    direction = gravity / strength if strength else np.array((0.0, 0.0, -1.0))
+    scene = UsdPhysics.Scene.Define(stage, "/World/scene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+    scene.CreateGravityMagnitudeAttr(strength)
+    steps = max(1, round(1.0 / setting.timestep))
+    _foreign(
+        scene.GetPrim(),
+        "PhysxSceneAPI",
+        {
+            "physxScene:enableGPUDynamics": ("Bool", False),
+            "physxScene:broadphaseType": ("Token", "MBP"),
+            "physxScene:solverType": ("Token", "TGS"),
+            "physxScene:timeStepsPerSecond": ("UInt", steps),
+        },
+    )
     names = _names(stage)
     if setting.floor_friction is not None:
-        _define_floor(stage, setting.floor_friction * setting.slippery)
+        floor = UsdGeom.Plane.Define(stage, "/World/floor")
+        floor.CreateAxisAttr(UsdGeom.Tokens.z)
+        floor.CreateWidthAttr(FLOOR_M)
+        floor.CreateLengthAttr(FLOOR_M)
+        _make_solid(stage, floor.GetPrim(), setting.floor_friction * setting.slippery)
     if setting.base == "held":
         _hold_base(stage)
     if setting.gripped is not None:
@@ -68,33 +88,6 @@ def _place(prim: Usd.Prim, pose: Pose) -> None:
     w, x, y, z = pose.quat
     form.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*pose.xyz))
     form.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
-
-
-def _define_scene(stage: Usd.Stage, setting: Setting) -> None:
-    gravity = np.asarray(setting.gravity)
-    strength = float(np.linalg.norm(gravity))
-    direction = gravity / strength if strength else np.array((0.0, 0.0, -1.0))
-    scene = UsdPhysics.Scene.Define(stage, "/World/scene")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
-    scene.CreateGravityMagnitudeAttr(strength)
-    _foreign(
-        scene.GetPrim(),
-        "PhysxSceneAPI",
-        {
-            "physxScene:enableGPUDynamics": ("Bool", False),
-            "physxScene:broadphaseType": ("Token", "MBP"),
-            "physxScene:solverType": ("Token", "TGS"),
-            "physxScene:timeStepsPerSecond": ("UInt", max(1, round(1.0 / setting.timestep))),
-        },
-    )
-
-
-def _define_floor(stage: Usd.Stage, friction: float) -> None:
-    floor = UsdGeom.Plane.Define(stage, "/World/floor")
-    floor.CreateAxisAttr(UsdGeom.Tokens.z)
-    floor.CreateWidthAttr(FLOOR_M)
-    floor.CreateLengthAttr(FLOOR_M)
-    _make_solid(stage, floor.GetPrim(), friction)
 
 
 def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:

@@ -120,7 +120,13 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
         facts[Key("pair", pair_name(*ends), "touches")] = True
     for key in [key for key in facts if key.kind == "shape" and key.quantity == "role"]:
         facts.setdefault(key._replace(quantity="rgba"), GREY)
-    facts |= dict(_commands(model, keys)) | dict(_watched_sites(model))
+    facts |= dict(_watched_sites(model))
+    # Commands that keyframes give to actuators of tendons, sites and bodies.
+    for index in set(actuators(model)) - {drive.index for drive in read_drives(model)}:
+        for pose in sorted(keys):
+            command = float(model.key(pose).ctrl[first_command(model, index)])
+            subject = f"{pose}/{name_of(model, 'actuator', index)}"
+            facts[Key("keyframe", subject, "mjcf:command")] = command
     _count_from_rest(side)
     return side
 
@@ -143,17 +149,6 @@ def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:
         ):
             if int(kinds[index]) == mj.mjtObj.mjOBJ_SITE:
                 yield Key("sensor", name, word), f"site {name_of(model, 'site', int(ids[index]))}"
-
-
-def _commands(model: Model, keys: set[str]) -> Iterator[tuple[Key, Value]]:
-    """Commands that keyframes give to actuators of tendons, sites and bodies."""
-    on_joints = {drive.index for drive in read_drives(model)}
-    for index in set(actuators(model)) - on_joints:
-        for key in range(model.nkey):
-            subject = f"{model.key(key).name}/{name_of(model, 'actuator', index)}"
-            if model.key(key).name in keys:
-                command = float(model.key_ctrl[key][first_command(model, index)])
-                yield Key("keyframe", subject, "mjcf:command"), command
 
 
 def _count_from_rest(side: Side) -> None:

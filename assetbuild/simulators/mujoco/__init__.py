@@ -211,28 +211,20 @@ def at_key(model: Model, key: int | None = None) -> Data:
     data = mj.MjData(model)
     if key is None and model.nkey:  # `home`, else the first
         key = max(int(mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, "home")), 0)
-    if key is None:
-        _stand_within_limits(model, data)
-    else:
+    if key is not None:
         mj.mj_resetDataKeyframe(model, data, key)
+    else:  # as near to zero as the limits allow; followers there, and position servos hold it
+        turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
+        limited = np.flatnonzero(turning & (model.jnt_limited != 0))
+        at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
+        data.qpos[at] = np.clip(data.qpos[at], lower, upper)
+        follow(model, data)
+        mj.mj_forward(model, data)
+        gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
+        servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
+        data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
     mj.mj_forward(model, data)
     return data
-
-
-def _stand_within_limits(model: Model, data: Data) -> None:
-    """Every joint as near to its zero as its limits allow, and those that follow others there.
-
-    Position servos hold that pose.
-    """
-    turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
-    limited = np.flatnonzero(turning & (model.jnt_limited != 0))
-    at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
-    data.qpos[at] = np.clip(data.qpos[at], lower, upper)
-    follow(model, data)
-    mj.mj_forward(model, data)
-    gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
-    servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
-    data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
 
 
 def follow(model: Model, data: Data) -> None:

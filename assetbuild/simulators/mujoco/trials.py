@@ -15,7 +15,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import Drive, read_drives, torque_on
+from assetbuild.simulators.mujoco.drives import read_drives, torque_on
 
 Depths = Mapping[tuple[str, str], float]
 SWING_RAD, SWING_M = 0.1, 0.02
@@ -55,21 +55,18 @@ def answers(model: Model) -> Mapping[str, tuple[float, float]]:
         led = model.eq_obj1id[coupled].tolist()
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
         for drive in read_drives(model):
-            if drive.holds_position and drive.joint not in led:
-                by_joint[drive.joint_name] = _answer(model, drive, steps)
+            if not drive.holds_position or drive.joint in led:
+                continue
+            data, asked = mujoco.at_key(model), _swing(model, drive.joint)
+            at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
+            start, moved = float(data.qpos[at]), 0.0
+            for step in range(steps):
+                wave = math.sin(2.0 * math.pi * (step + 1) / steps)
+                data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
+                mj.mj_step(model, data)
+                moved = max(moved, abs(float(data.qpos[at]) - start))
+            by_joint[drive.joint_name] = asked, moved
     return by_joint
-
-
-def _answer(model: Model, drive: Drive, steps: int) -> tuple[float, float]:
-    data, asked = mujoco.at_key(model), _swing(model, drive.joint)
-    at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
-    start, moved = float(data.qpos[at]), 0.0
-    for step in range(steps):
-        wave = math.sin(2.0 * math.pi * (step + 1) / steps)
-        data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
-        mj.mj_step(model, data)
-        moved = max(moved, abs(float(data.qpos[at]) - start))
-    return asked, moved
 
 
 def _swing(model: Model, joint: int) -> float:
