@@ -72,9 +72,16 @@ def without_visual_meshes(spec: Any) -> None:  # Any: MuJoCo's MjSpec
 
 def lint_file(path: Path) -> Iterator[Finding]:
     """Everything that can be said about one MJCF file, foreign or our own."""
-    if pipe := next(_pipes(path), None):
-        yield LOAD("robot", f"`{pipe}`, which {path.name} names, is no file that can be read")
-        return
+    text = path.read_text(encoding="utf-8", errors="replace")
+    folders = {"", *re.findall(r'(?:mesh|texture|asset)dir="([^"]+)"', text)}
+    for name in dict.fromkeys(re.findall(r'file\w*="([^"]+)"', text)):
+        for place in (path.parent / folder / name for folder in folders):
+            # A pipe or a device, whose content may never end.
+            if place.exists() and not place.is_file() and not place.is_dir():
+                yield LOAD(
+                    "robot", f"`{name}`, which {path.name} names, is no file that can be read"
+                )
+                return
     model = yield from _loaded(path)
     if model is not None:
         yield from lint_text(path)
@@ -93,16 +100,6 @@ def _loaded(
     for warning in dict.fromkeys(loaded.warnings):
         yield WARNING("robot", f"MuJoCo on {path.name}: {warning}")
     return loaded.model
-
-
-def _pipes(path: Path) -> Iterator[str]:
-    """What the text names as a file and is a pipe or a device, whose content may never end."""
-    text = path.read_text(encoding="utf-8", errors="replace")
-    folders = {"", *re.findall(r'(?:mesh|texture|asset)dir="([^"]+)"', text)}
-    for name in dict.fromkeys(re.findall(r'file\w*="([^"]+)"', text)):
-        for place in (path.parent / folder / name for folder in folders):
-            if place.exists() and not place.is_file() and not place.is_dir():
-                yield name
 
 
 # --- what the text says that no compiled model shows any more ------------------------------------

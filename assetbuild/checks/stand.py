@@ -194,7 +194,10 @@ class Stand(mujoco.InMujoco):
         for geom, gap in stood.gap_m.items():
             link = link_of.get(geom, geom)
             if self._is_foot(link):
-                foot = _held_by(tree, link)
+                # The uppermost body that fixed joints alone connect with the link.
+                foot = next((frame.body for frame in tree.frames if frame.name == link), link)
+                while (joint := tree.joint_above.get(foot)) is not None and joint.kind == "fixed":
+                    foot = joint.parent
                 soles[foot] = min((gap, link), soles.get(foot, (gap, link)))
         lowest = sorted(soles.values())
         return {link: gap for gap, link in (lowest if self.feet or self.soles else lowest[:1])}
@@ -224,14 +227,6 @@ class Stand(mujoco.InMujoco):
                 )
         if not at_end:
             yield CONTACT("robot", "nothing touches the floor at the end", severity="error")
-
-
-def _held_by(tree: Tree, link: str) -> str:
-    """Return the uppermost body that fixed joints alone connect with the link."""
-    body = next((frame.body for frame in tree.frames if frame.name == link), link)
-    while (joint := tree.joint_above.get(body)) is not None and joint.kind == "fixed":
-        body = joint.parent
-    return body
 
 
 def _figures(stood: Stood) -> dict[str, object]:

@@ -78,10 +78,17 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Experiment:
     free = {name for name in robot.joints if robot.column(name) in chosen}
     leading = free & (driven if driven & chain & free else driven | chain)
     felt = felt_inertia(control.loops, robot)
+    rate = 2.0 * math.pi * SERVO_HZ
     servos, table = {}, {row.joint: row for row in control.actuators}
     for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
         row = table.get(name) or Actuator(name, "passive")
-        servos[name] = _servo(row, felt[name]) if name in leading else Actuator(name, "pd")
+        # The drive itself where it holds a position, else a critically damped servo.
+        servos[name] = Actuator(name, "pd")
+        if name in leading and row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
+            servos[name] = Actuator(name, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
+        elif name in leading:
+            inertia = felt[name] if math.isfinite(felt[name]) else 1.0  # of a joint that loops lock
+            servos[name] = Actuator(name, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
         table[name] = replace(servos[name], velocity=row.velocity)
     made = sine_of(
         tree, replace(control, actuators=tuple(table.values())), home, wish.frequency, wish.seconds
@@ -122,15 +129,6 @@ def _balls(tree: Tree) -> list[str]:
 def _chain(tree: Tree, control: Control) -> set[str]:
     """The joints of all loops."""
     return {joint.name for loop in control.loops for joint in path_of(tree, loop)}
-
-
-def _servo(row: Actuator, inertia: float) -> Actuator:
-    """The drive itself where it holds a position, else a critically damped servo."""
-    if row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
-        return Actuator(row.joint, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
-    rate = 2.0 * math.pi * SERVO_HZ
-    inertia = inertia if math.isfinite(inertia) else 1.0  # of a joint that the loops lock
-    return Actuator(row.joint, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
 
 
 def _closable(

@@ -89,7 +89,10 @@ class _InRoot(Bodies):
 
 def read_side(spec: Any) -> Side:  # Any: MjSpec
     """Compile and read; MuJoCo's ValueError where it refuses."""
-    _fold_gravity(spec.option)
+    option, bit = spec.option, int(mj.mjtDisableBit.mjDSBL_GRAVITY)
+    if int(option.disableflags) & bit:  # gravity that a flag switches off is none
+        option.disableflags = int(option.disableflags) & ~bit
+        option.gravity = (0.0, 0.0, 0.0)
     model = spec.compile()
     bodies = _InRoot(model)
     table = compiled_facts(model, by_area=True, bodies=bodies)
@@ -120,7 +123,14 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
         facts[Key("pair", pair_name(*ends), "touches")] = True
     for key in [key for key in facts if key.kind == "shape" and key.quantity == "role"]:
         facts.setdefault(key._replace(quantity="rgba"), GREY)
-    facts |= dict(_watched_sites(model))
+    for index in range(model.nsensor):  # those of sites, which are no frames of bodies here
+        for word, kinds, ids in (
+            ("object", model.sensor_objtype, model.sensor_objid),
+            ("reference", model.sensor_reftype, model.sensor_refid),
+        ):
+            if int(kinds[index]) == mj.mjtObj.mjOBJ_SITE:
+                watched = f"site {name_of(model, 'site', int(ids[index]))}"
+                facts[Key("sensor", name_of(model, "sensor", index), word)] = watched
     # Commands that keyframes give to actuators of tendons, sites and bodies.
     for index in set(actuators(model)) - {drive.index for drive in read_drives(model)}:
         for pose in sorted(keys):
@@ -129,26 +139,6 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
             facts[Key("keyframe", subject, "mjcf:command")] = command
     _count_from_rest(side)
     return side
-
-
-def _fold_gravity(option: Any) -> None:  # Any: MuJoCo's option
-    """Gravity that a flag switches off is none: two ways to say one thing."""
-    bit = int(mj.mjtDisableBit.mjDSBL_GRAVITY)
-    if int(option.disableflags) & bit:
-        option.disableflags = int(option.disableflags) & ~bit
-        option.gravity = (0.0, 0.0, 0.0)
-
-
-def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:
-    """Sensors of sites, which are no frames of bodies here."""
-    for index in range(model.nsensor):
-        name = name_of(model, "sensor", index)
-        for word, kinds, ids in (
-            ("object", model.sensor_objtype, model.sensor_objid),
-            ("reference", model.sensor_reftype, model.sensor_refid),
-        ):
-            if int(kinds[index]) == mj.mjtObj.mjOBJ_SITE:
-                yield Key("sensor", name, word), f"site {name_of(model, 'site', int(ids[index]))}"
 
 
 def _count_from_rest(side: Side) -> None:

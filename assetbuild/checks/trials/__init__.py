@@ -133,7 +133,11 @@ class Trials(mujoco.InMujoco):
         yield from self._numerics(model, figures)
         try:
             yield from self._overlaps(model, figures)
-            yield from self._on_floor(model, figures, model if alone is None else alone)
+            fall = list(self._left_alone(model if alone is None else alone, figures))
+            if model.nkey and mujoco.stands_free(model):
+                yield from self._balance(model, figures)
+                yield from self._dropped(model, figures, falls=bool(fall))
+            yield from fall
             yield from self._shaken(model, figures)
         except ArenaFullError as error:
             yield rules.MEMORY("robot", error.message)
@@ -228,16 +232,6 @@ class Trials(mujoco.InMujoco):
                 "robot",
                 "it floats, and none of its shapes can touch the floor: it falls through",
             )
-
-    def _on_floor(
-        self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model
-    ) -> Iterator[Finding]:
-        """Balanced, dropped, and left alone at its first keyframe."""
-        fall = list(self._left_alone(alone, figures))
-        if model.nkey and mujoco.stands_free(model):
-            yield from self._balance(model, figures)
-            yield from self._dropped(model, figures, falls=bool(fall))
-        yield from fall
 
     def _balance(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         under = experiments.support(model)

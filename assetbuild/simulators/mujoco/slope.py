@@ -65,25 +65,19 @@ def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Slope | st
     stood = []
     for part in FLATTER:
         slope = slope_at(part * steepest.angle, steepest.stated, share)
-        slope = replace(slope, speed=_speed(model, slope))
+        changed = mujoco.without(model)
+        changed.geom_friction[:, 0] *= slope.friction / slope.stated
+        changed.pair_friction[:, :2] *= slope.friction / slope.stated
+        with mujoco.caught_warnings():
+            speeds = [
+                _slide(changed, slope.angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))
+            ]
+        slope = replace(slope, speed=slope.scale * float(np.max(speeds)))  # nan if the robot fell
         if math.isfinite(slope.speed):
             stood.append(slope)
         if slope.speed <= limit:
             break
     return min(stood, key=lambda one: one.speed, default="it falls")
-
-
-def _speed(model: Model, slope: Slope) -> float:
-    """Speed of the feet in m/s along x or y, whichever is faster; nan if the robot fell.
-
-    Scaled up with the load that friction would carry on the steep slope.
-    """
-    model = mujoco.without(model)
-    model.geom_friction[:, 0] *= slope.friction / slope.stated
-    model.pair_friction[:, :2] *= slope.friction / slope.stated
-    with mujoco.caught_warnings():
-        speeds = [_slide(model, slope.angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))]
-    return slope.scale * float(np.max(speeds))
 
 
 def slope_at(angle: float, friction: float, share: float) -> Slope:
