@@ -18,7 +18,7 @@ from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule, known
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Outcome, load, standing
 from assetbuild.simulators.physx import couplings as physx_couplings
@@ -57,7 +57,15 @@ class PhysxReadback(physx.PhysxCheck):
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
         robot = Reference.of_ports(files.inputs, {})
         tree, control = robot.tree, robot.control
-        experiments = _experiments(tree, control, self.seconds)
+        loaded, start, dt = load(control), initial_pose(tree, control), control.simulation.timestep
+        floor = replace(standing(tree, control), drives=None)
+        on_floor = floor if tree.base == "floating" and start.name else loaded.setting
+        steps, joints = round(self.seconds / dt), dict(start.joints)
+        experiments = (
+            loaded,
+            Experiment("alone", loaded.setting, steps=round(0.2 / dt), every=10),
+            Experiment("floor", on_floor, steps=steps, every=10, start=joints),
+        )
         coupled = physx_couplings.experiments(tree, control) if self.mimics else ()
         outcomes = self.perform(files.inputs, (*experiments, *coupled))
         held = outcomes["load"].held
@@ -93,18 +101,6 @@ class PhysxReadback(physx.PhysxCheck):
             experiments[1:], ("as the asset starts, without a floor", "on a floor"), strict=True
         ):
             yield from _judge_motion(tree, outcomes[experiment.name], where)
-
-
-def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experiment, ...]:
-    loaded, start, dt = load(control), initial_pose(tree, control), control.simulation.timestep
-    floor = replace(standing(tree, control), drives=None)
-    on_floor = floor if tree.base == "floating" and start.name else loaded.setting
-    steps = round(seconds / dt)
-    return (
-        loaded,
-        Experiment("alone", loaded.setting, steps=round(0.2 / dt), every=10),
-        Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
-    )
 
 
 def _differing(held: Held, table: Table, expected: Table) -> Iterator[Finding]:

@@ -48,7 +48,10 @@ def moved(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     world.start(run["start"])
     for step in range(run["steps"] + 1):
         if step:
-            world.command(*(now(run[word], step) for word in ("targets", "speeds")))
+            asked = (run[word].items() for word in ("targets", "speeds"))
+            world.command(
+                *({n: row[step - 1] for n, row in rows if step <= len(row)} for rows in asked)
+            )
             if course:
                 world.push(course["table"][step - 1], course["force"][step - 1])
             world.step(run["dt"])
@@ -95,11 +98,6 @@ def piloted(world: Any, run: dict[str, Any]) -> None:
                     before = world.look() if step == asked["steps"] - 1 else before
                     world.step(run["dt"])
                 after = world.look()
-
-
-def now(rows: dict[str, list[float]], step: int) -> dict[str, float]:
-    """What is asked for before a step, where anything new is."""
-    return {name: row[step - 1] for name, row in rows.items() if step <= len(row)}
 
 
 def into(pose: Any, point: Any) -> list[float]:

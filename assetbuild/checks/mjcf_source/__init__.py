@@ -96,8 +96,13 @@ class MjcfSource(mujoco.WithMujoco):
         # Without `ctrl` the source says 0; our drives hold the pose of the keyframe.
         silent = [key for key in flat.iterfind("keyframe/key") if not key.get("ctrl")]
         stated |= {f"commands {key.get('name')}" for key in silent}
-        if tree.root != "world":
-            _clear_scenery(flat)
+        world = flat.find("worldbody")
+        if tree.root != "world" and world is not None:
+            # Shapes of the world go: rangefinders see them, and the robot lies on them.
+            keys = ("geom", "geom1", "geom2", "objname", "refname")
+            named = {element.get(key) for element in flat.iter() for key in keys}
+            for geom in [g for g in world.iterfind("geom") if g.get("name") not in named]:
+                world.remove(geom)
         folder = files.inputs / "files"
         objects = {str(mesh.get("name")): _objects(mesh, folder) for mesh in flat.iter("mesh")}
         for name in [name for name, count in objects.items() if count > 1]:
@@ -154,16 +159,6 @@ def _objects(mesh: ElementTree.Element, folder: Path) -> int:
     data = path.read_bytes()
     count = sum(bool(_FACE.search(part)) for part in _OBJECT.split(data))
     return count if count > 1 or _POLYGON.search(data) else 0
-
-
-def _clear_scenery(root: ElementTree.Element) -> None:
-    """Take away the shapes of the world: rangefinders see them, and the robot lies on them."""
-    keys = ("geom", "geom1", "geom2", "objname", "refname")
-    named = {element.get(key) for element in root.iter() for key in keys}
-    world = root.find("worldbody")
-    for geom in list(world.iterfind("geom")) if world is not None else ():
-        if world is not None and geom.get("name") not in named:
-            world.remove(geom)
 
 
 def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # Any: MjSpec

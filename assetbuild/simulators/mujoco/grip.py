@@ -228,7 +228,15 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
 
     model: of `with_object`. mass: kg.
     """
-    model = _loaded(model, hand, place, mass)
+    # A copy with this object, in which nothing but the fingers moves.
+    model, body = mujoco.without(model), int(model.body(OBJECT).id)
+    _resize(model, place.shape, place.width_m)
+    model.body_mass[body] = mass
+    model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
+    mj.mj_setConst(model, mj.MjData(model))
+    mujoco.held_but(model, hand.fingers)
+    fingers = solid_geoms(model, [body for side in hand.sides for body in side])
+    model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
     step = float(model.opt.timestep)
     data = mujoco.at_key(model)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
@@ -263,19 +271,6 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     one, other = (float(force) for force in np.mean(forces, axis=0))
     held = bool(mujoco.is_finite(data) and not fell and min(one, other) > 0.0)
     return Grip(place, mass, float(slip), float(seat), (one, other), held)
-
-
-def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
-    """A copy with this object, in which nothing but the fingers moves."""
-    model, body = mujoco.without(model), int(model.body(OBJECT).id)
-    _resize(model, place.shape, place.width_m)
-    model.body_mass[body] = mass
-    model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
-    mj.mj_setConst(model, mj.MjData(model))
-    mujoco.held_but(model, hand.fingers)
-    fingers = solid_geoms(model, [body for side in hand.sides for body in side])
-    model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
-    return model
 
 
 def closing(hand: Hand, place: Place, times: Array) -> Array:

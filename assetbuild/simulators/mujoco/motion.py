@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
@@ -55,7 +54,16 @@ def perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
             model = held_model(path, () if setting.other_drives else servos)
         drive_as(model, servos, others=setting.other_drives)
         _surround(model, setting, drives=bool(sine.middle) or setting.contacts)
-        return _track(model, _started(model, asked, servos), asked)
+        if sine.middle:
+            data = mj.MjData(model)
+            for name, position in (asked.start or {}).items():
+                data.qpos[int(model.joint(name).qposadr[0])] = position
+        else:  # in the keyframe, or the initial pose
+            key = setting.keyframe
+            data = mujoco.at_key(model, model.key(key).id if key else None)
+            mujoco.raise_base(model, data, setting.raised_m)
+            aim(model, data, servos)  # servos of ours, which it has no controls for, hold it
+        return _track(model, data, asked)
     except StepError as error:
         return Outcome(None, None, error.message)
 
@@ -82,23 +90,6 @@ def _surround(model: Model, setting: Setting, *, drives: bool) -> None:
     ):
         for field in () if is_on else fields:
             field[:] = 0
-
-
-def _started(model: Model, asked: Experiment, servos: Mapping[str, Actuator]) -> Data:
-    """At `start`, without one in the keyframe or the initial pose.
-
-    Of a keyframe, which knows no controls for servos of ours, they hold the positions.
-    """
-    if asked.sine.middle:
-        data = mj.MjData(model)
-        for name, position in (asked.start or {}).items():
-            data.qpos[int(model.joint(name).qposadr[0])] = position
-        return data
-    key = asked.setting.keyframe
-    data = mujoco.at_key(model, model.key(key).id if key else None)
-    mujoco.raise_base(model, data, asked.setting.raised_m)
-    aim(model, data, servos)
-    return data
 
 
 def held_model(path: Path, driven: Collection[str] = ()) -> Model:

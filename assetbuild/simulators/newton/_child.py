@@ -163,7 +163,8 @@ def readings(model: Any, held: Any, run: dict[str, Any]) -> dict[str, Any]:
         ("body", run["bodies"], model.body_label),
         ("joint", run["joints"], model.joint_label),
     ):
-        labels = {joined(label): label for label in known}
+        # The solver's name of a label is its path with `_` in place of `/`.
+        labels = {label.strip("/").replace("/", "_").strip("_"): label for label in known}
         words = [word.strip("_") for word in values["names"][kind]]
         values["names"][kind] = [called(labels.get(word, word), names) for word in words]
     margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
@@ -191,11 +192,6 @@ def called(label: str, names: dict[str, str]) -> str:
     """The robot's name of a label."""
     end = label.rsplit("/", 1)[-1]
     return names.get(label, names.get(end, end))
-
-
-def joined(label: str) -> str:
-    """What the solver calls a label."""
-    return "_".join(label.strip("/").split("/")).strip("_")
 
 
 def laws(model: Any, names: dict[str, str]) -> dict[str, dict[str, float | None]]:
