@@ -204,7 +204,7 @@ class Compared:
                 yield from of(self, self.asked[name], *motions)
 
     def motions(self, name: str) -> tuple[Motion, Motion] | None:
-        """MuJoCo's and the other's, where both brought the experiment to its end."""
+        """Return MuJoCo's motion and the other's, where both brought the experiment to its end."""
         done = self.theirs.get(name)
         if done is None or not done.finite or done.motion is None:
             return None

@@ -64,7 +64,7 @@ class MjlabContract(mujoco.WithMujoco):
 
 
 def _broken(record: Record, model: mujoco.Model) -> Iterator[str]:
-    """Names that stand for nothing, and feet in another order.
+    """Yield each name that stands for nothing, and feet that are in another order.
 
     mjlab's rewards take contacts, in the model's order, and sites of the feet in pairs.
     """

@@ -48,10 +48,11 @@ def moved(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     world.start(run["start"])
     for step in range(run["steps"] + 1):
         if step:
-            asked = (run[word].items() for word in ("targets", "speeds"))
-            world.command(
-                *({n: row[step - 1] for n, row in rows if step <= len(row)} for rows in asked)
+            targets, speeds = (
+                {name: row[step - 1] for name, row in run[word].items() if step <= len(row)}
+                for word in ("targets", "speeds")
             )
+            world.command(targets, speeds)
             if course:
                 world.push(course["table"][step - 1], course["force"][step - 1])
             world.step(run["dt"])

@@ -65,7 +65,7 @@ class Sine:
     speeds: frozenset[str] = frozenset()
 
     def commands(self, steps: int, dt: float) -> tuple[dict[str, Array], dict[str, Array]]:
-        """(positions, speeds) that drives are asked for at the end of each step, by joint."""
+        """Return the positions and speeds by joint that drives are asked for in each step."""
         omega, times = 2.0 * math.pi * self.frequency_hz, dt * np.arange(1.0, steps + 1.0)
         wave, rate = np.sin(omega * times), omega * np.cos(omega * times)
         positions = {name: q + self.swing[name] * wave for name, q in self.middle.items()}
@@ -172,7 +172,7 @@ class StageNames:
 
 
 def plain(control: Control) -> Setting:
-    """The asset alone, as the recipe has it simulated."""
+    """Return the setting of the asset alone, as the recipe has it simulated."""
     return Setting(control.simulation.timestep, control.simulation.gravity)
 
 

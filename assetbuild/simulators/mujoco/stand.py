@@ -65,13 +65,8 @@ def outcome(stood: Stand, fall: float) -> Outcome:
     if not stood.finite:
         return "unstable"
     if not stood.floats:
-        return (
-            "rests"
-            if not stood.worst_held[0]
-            else "falls"
-            if stood.worst_held[1] > fall
-            else "holds"
-        )
+        joint, off, _ = stood.worst_held
+        return "rests" if not joint else "falls" if off > fall else "holds"
     # A base frame on the ground cannot sink, so the centre of mass counts besides.
     height = max(stood.height_m, stood.com_height_m)
     lower = stood.sag_m > fall * height or stood.com_sag_m > fall * stood.com_height_m
