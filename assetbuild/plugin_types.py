@@ -252,6 +252,8 @@ class Plugin(Step):
     """Path of a section -> the field whose type is the model of its keys."""
     recipe_fields: ClassVar[Mapping[str, str]] = {}
     """Field -> path of the key that it comes from."""
+    derived: ClassVar[Mapping[str, Callable[[RecipeView], object]]] = {}
+    """Field -> what follows for it from several keys."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -290,7 +292,7 @@ class Plugin(Step):
                 if section is None:
                     return None
                 values |= {name: getattr(section, name) for name in cls.keys()}  # noqa: SIM118
-        return values
+        return values | {field: follows(recipe) for field, follows in cls.derived.items()}
 
 
 class Target(Plugin):
@@ -371,10 +373,6 @@ def lacking(requires: Mapping[str, str], world: World) -> str:
     return ""
 
 
-NOISE = 1e-9
-"""A figure without a limit is rounded to a thousandth of this."""
-
-
 def write_figures(
     files: Files, figures: Mapping[str, object], limits: Mapping[str, float] | None = None
 ) -> None:
@@ -390,9 +388,9 @@ def write_figures(
 
 
 def _rounded_figures(value: object, limits: Mapping[str, float], limit: float | None) -> object:
-    """limit: of the nearest named figure around it."""
+    """limit: of the nearest named figure around it; 1e-9 where there is none."""
     if isinstance(value, float):
-        return rounded(value, limit) if limit else float(f"{rounded(value, NOISE):.6g}")
+        return rounded(value, limit) if limit else float(f"{rounded(value, 1e-9):.6g}")
     if isinstance(value, Mapping):
         return {k: _rounded_figures(v, limits, limits.get(k, limit)) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -10,12 +10,11 @@ import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from assetbuild.alignment.asked import DROP_M, End, experiments_of
 from assetbuild.alignment.row import SLOWER, SOFT, Row, findings_of
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
@@ -23,8 +22,10 @@ from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.loops import path_of
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
     Experiment,
@@ -34,16 +35,33 @@ from assetbuild.simulators.experiments import (
     Sine,
     Swing,
     compare_response,
+    drop,
+    load,
+    plain,
+    servos,
+    sine_of,
+    standing,
+    swing,
+    widest,
 )
 from assetbuild.simulators.free_fall import Fall, fall_of
+from assetbuild.simulators.loops import about_closed
 from assetbuild.simulators.mujoco.motion import perform
 
+FINE_DT, SAMPLE_S, FALL_S = 0.001, 0.005, 0.4
+STAND_S, DROP_S, DROP_M = 2.0, 1.2, 1.0
+STOP_HZ, STOP_S = 1.0, 1.0
+SHARP = 2.0
+"""Into a stop the target goes so many times as far as the joint has room for: beyond the limit by
+as much as it stood before it."""
+FINER = 8
+"""So many times shorter steps tell a difference of integrators from one of the robot."""
+End = Literal["lower", "upper"]
+ENDS: tuple[End, End] = ("lower", "upper")
 RANKS = ("HIGH", "MEDIUM")
 VERDICTS = ("error", "warning", "ok", "told")
-FRICTION, COUPLING = "dry friction", "coupling of joints"
 EXPLAINED = 0.5
 """Share of a difference that must be gone before a reason counts as one."""
-FALLEN_RAD = math.radians(20.0)
 RAD, METRE = (0.01, 0.1), (0.001, 0.01)
 """How much further past a limit than in MuJoCo: a warning, an error."""
 SHORTER = "a shorter `simulation.timestep` brings them together"
@@ -105,6 +123,69 @@ class AlignmentCheck(SimulatorCheck):
         yield from ()
 
 
+# --- what both are asked: to load, fall, follow sines, push into stops, stand, and land ----------
+
+
+def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str, Experiment]:
+    """Name -> experiment, in the order of running. wish: None = no sine and no stops."""
+    experiments = [load(control)]
+    floats, start = tree.base == "floating", initial_pose(tree, control)
+    if floats:
+        experiments += [drop(control, FALL_S)]
+    if wish is not None:
+        home = dict(start.joints)
+        held = replace(plain(control), drives=servos(control))
+        held = replace(held, base="held") if floats else held
+        bare = replace(held, timestep=FINE_DT, contacts=False, rubbing=False, limited=False)
+        # MuJoCo's limits of commands would clip what asks for more than a limit allows.
+        unclipped = replace(held, contacts=False, clipped=False)
+        fine = replace(unclipped, timestep=unclipped.timestep / FINER)
+        sine = sine_of(tree, control, home, wish.frequency, wish.seconds)
+        sine = about_closed(tree, control, sine, home)
+        # Twice: stripped of what simulators model differently, in fine steps, and as it is.
+        asked = [("sine", bare, sine, SAMPLE_S), ("sine_as_is", held, sine, SAMPLE_S)]
+        for end in ENDS:
+            stop = into_stop(tree, control, home, end)
+            asked += [(f"past_{end}", unclipped, stop, 0.0), (f"past_{end}_fine", fine, stop, 0.0)]
+        experiments += [swing(*one) for one in asked if any(one[2].swing.values())]
+    if floats and start.name:  # a keyframe above a floor
+        stand, raised = standing(tree, control), standing(tree, control, DROP_M)
+        joints = dict(start.joints)
+        steps = [round(seconds / stand.timestep) for seconds in (STAND_S, DROP_S)]
+        experiments += [
+            Experiment("stand", stand, steps[0], every=20, start=joints),
+            Experiment("drop", raised, steps[1], start=joints),
+        ]
+    return {experiment.name: experiment for experiment in experiments}
+
+
+def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End) -> Sine:
+    """Return a sine that starts before the limits and passes them, of the joints that have one.
+
+    Loops stop their joints before the limits do: these stay at home, where all loops are closed. A
+    joint that mimics goes with its leader.
+    """
+    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    middle, swing = {}, {}
+    for joint in tree.moving_joints:
+        lower, upper = joint.bounds
+        rest = home.get(joint.name, 0.0) if joint.name in chain else 0.0
+        middle[joint.name], swing[joint.name] = min(max(rest, lower), upper), 0.0
+        stop = upper if end == "upper" else lower
+        drive = control.by_joint.get(joint.name)
+        if drive is None or not drive.kp > 0.0 or joint.mimic is not None:
+            continue
+        if joint.name not in chain and math.isfinite(stop) and upper > lower:
+            speeds = [drive.velocity] if drive.velocity else ()
+            room = widest(joint, speeds, SHARP * STOP_HZ)
+            sign = 1.0 if end == "upper" else -1.0
+            middle[joint.name], swing[joint.name] = stop - sign * room, sign * SHARP * room
+    return Sine(with_mimics(tree, middle), swing, STOP_HZ, STOP_S)
+
+
+# --- what comes of it ---------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Compared:
     """The robot and both simulators: MuJoCo is asked for what the other has done."""
@@ -119,15 +200,16 @@ class Compared:
     def rows(self) -> Iterator[Row]:
         """A row for each joint or robot of each experiment that both brought to its end."""
         for name, of in ROWS.items():
-            done = self.theirs.get(name)
-            if done is None or not done.finite or done.motion is None:
-                continue
-            ours = self.mujoco(self.asked[name])
-            if ours.motion is not None:
-                yield from of(self, self.asked[name], ours.motion, done.motion)
+            if motions := self.motions(name):
+                yield from of(self, self.asked[name], *motions)
 
-
-Rows = Callable[[Compared, Experiment, Motion, Motion], Iterator[Row]]
+    def motions(self, name: str) -> tuple[Motion, Motion] | None:
+        """Return MuJoCo's motion and the other's, where both brought the experiment to its end."""
+        done = self.theirs.get(name)
+        if done is None or not done.finite or done.motion is None:
+            return None
+        ours = self.mujoco(self.asked[name]).motion
+        return None if ours is None else (ours, done.motion)
 
 
 def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
@@ -153,19 +235,24 @@ def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
 
 def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """How each joint follows its sine."""
-    sine = asked.sine
-    assert sine is not None  # noqa: S101 # made so
-    is_pure, wish = not asked.setting.rubbing, both.limits.sine or Swing()
-    soft = {joint.mimic.joint: COUPLING for joint in both.tree.joints if joint.mimic}
+    sine, is_pure, wish = asked.sine, not asked.setting.rubbing, both.limits.sine or Swing()
+    soft = {joint.mimic.joint: "coupling of joints" for joint in both.tree.joints if joint.mimic}
     if not is_pure:
-        soft |= {a.joint: FRICTION for a in both.control.actuators if a.friction > 0.0}
+        soft |= {a.joint: "dry friction" for a in both.control.actuators if a.friction > 0.0}
     hasty, hard = "" if is_pure else _hasty(both.control, ours), None
     # After a touch two motions have nothing more in common: reported, not judged.
     warn = wish.tolerance if is_pure else wish.tolerance_as_is
     limits = (math.inf, math.inf) if ours.touched else (warn, wish.error_limit)
-    unit = f"of the swing, RMS{_unfair(both.tree, sine, ours)}"
-    for joint, swing in sine.swing.items():
-        if swing <= 0.0:
+    followed = {joint.name for joint in both.tree.joints if joint.mimic}
+    loose = [name for name, width in sine.swing.items() if not width and name not in followed]
+    unit = "of the swing, RMS"
+    if ours.touched:  # what lets two motions part that began alike, for the reader
+        unit += "; the robot touches itself"
+    elif loose:
+        unit += f"; {len(loose)} joints without a drive of positions or speeds swing freely, where "
+        unit += "small differences grow"
+    for joint, width in sine.swing.items():
+        if width <= 0.0:
             continue
         response = compare_response(sine, joint, ours, theirs)
         moved = f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later"
@@ -178,16 +265,6 @@ def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
         if hasty and not row.because and row.verdict in OFF:
             row = replace(row, because=hasty, advice=SLOWER)
         yield row
-
-
-def _unfair(tree: Tree, sine: Sine, ours: Motion) -> str:
-    """What lets two motions part that began alike, for the reader."""
-    if ours.touched:
-        return "; the robot touches itself"
-    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
-    loose = [joint.name for joint in moving if sine.swing[joint.name] == 0.0]
-    count = f"{len(loose)} joints without a drive of positions or speeds"
-    return f"; {count} swing freely, where small differences grow" if loose else ""
 
 
 def _hasty(control: Control, ours: Motion) -> str:
@@ -235,13 +312,9 @@ def _explained(
 def stop_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """How far each driven joint runs past its limit; why further, where shorter steps agree."""
     rows = list(_past_rows(both.tree, asked, ours, theirs))
-    fine, calm = both.asked[f"{asked.name}_fine"], None
-    done = both.theirs[fine.name]
-    if any(row.verdict in OFF for row in rows) and done.finite and done.motion is not None:
-        calm = both.mujoco(fine).motion
-    apart: dict[str, Row] = {}
-    if calm is not None and done.motion is not None:
-        apart = {row.subject: row for row in _past_rows(both.tree, fine, calm, done.motion)}
+    fine, apart = both.asked[f"{asked.name}_fine"], dict[str, Row]()
+    if any(row.verdict in OFF for row in rows) and (motions := both.motions(fine.name)):
+        apart = {row.subject: row for row in _past_rows(both.tree, fine, *motions)}
     for row in rows:
         short = apart.get(row.subject)
         if row.verdict in OFF and short is not None and short.verdict == "ok":
@@ -252,13 +325,15 @@ def stop_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
 
 def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """A row for each joint that was driven: beyond its limit, rad or m, the largest of the run."""
-    assert asked.sine is not None  # noqa: S101 # made so
     end: End = "lower" if asked.name.startswith("past_lower") else "upper"
     for joint in tree.moving_joints:
         if not asked.sine.swing[joint.name]:
             continue
-        past = [_past(motion.joints[joint.name], joint.bounds, end) for motion in (ours, theirs)]
-        linear = joint.kind == "prismatic"
+        lower, upper = joint.bounds
+        tracks = [motion.joints[joint.name] for motion in (ours, theirs)]
+        # Negative where the joint stays before its limit.
+        beyond = [track - upper if end == "upper" else lower - track for track in tracks]
+        past, linear = [float(each.max()) for each in beyond], joint.kind == "prismatic"
         yield Row(
             f"past_{end}",
             "HIGH",
@@ -271,11 +346,6 @@ def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> I
         )
 
 
-def _past(track: Array, ends: tuple[float, float], end: End) -> float:
-    """Negative where the joint stays before its limit."""
-    return float(track.max()) - ends[1] if end == "upper" else ends[0] - float(track.min())
-
-
 # --- on the floor -------------------------------------------------------------------------------
 
 
@@ -284,7 +354,7 @@ def stand_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) -> I
     one, two = float(ours.root[-1, 2]), float(theirs.root[-1, 2])
     _, x, y, _ = ours.turn[-1]
     tilt = math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * float(x * x + y * y))))
-    falls = tilt > FALLEN_RAD
+    falls = tilt > math.radians(20.0)
     limits = (math.inf, math.inf) if falls else both.limits.floor.stand_height
     unit = "m; it falls over in MuJoCo, as the check `stand` would say" if falls else "m"
     yield Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), *limits, unit)
@@ -313,7 +383,7 @@ def _landing_time(motion: Motion) -> float:
     return float(np.interp(DROP_M, fallen[last - 1 : last + 1], motion.time[last - 1 : last + 1]))
 
 
-ROWS: Mapping[str, Rows] = {
+ROWS = {
     "fall": fall_rows,
     "sine": sine_rows,
     "sine_as_is": sine_rows,

@@ -58,15 +58,11 @@ class Row:
 
     def shown(self, engine: str) -> dict[str, object]:
         """For the figures, under the name of the other engine: no NaN, which JSON lacks."""
-        values: dict[str, float | str | None] = {
-            "mujoco": self.mujoco,
-            engine.lower(): self.theirs,
-            "off": self.off if self.off is None else rounded(self.off, self.warn),
-        }
-        plain = {key: known(value) for key, value in values.items()}
-        head: dict[str, object] = {"rank": self.rank, "row": self.name, "of": self.subject}
+        off = None if self.off is None else known(rounded(self.off, self.warn))
+        values = {"mujoco": known(self.mujoco), engine.lower(): known(self.theirs), "off": off}
+        head = {"rank": self.rank, "row": self.name, "of": self.subject}
         reason = {"because": self.because} if self.because else {}
-        return head | plain | {"unit": self.unit, "verdict": self.verdict} | reason
+        return {**head, **values, "unit": self.unit, "verdict": self.verdict, **reason}
 
 
 def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding]:
@@ -75,7 +71,11 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
         bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
         if not bad:
             continue
-        worst = max(bad, key=lambda row: (row.verdict == "error", _size(row.off)))
+        # What is not a number is worst.
+        worst = max(
+            bad, key=lambda row: (row.verdict == "error", known(row.off) is None, row.off or 0.0)
+        )
+        usual = HINTS.get(name, "the report's table of the check has every row")
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         limit = worst.error if worst.verdict == "error" else worst.warn
         yield off.named(name)(
@@ -84,21 +84,9 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}"
             f"{f'; {worst.because}' if worst.because else ''}{more}",
             severity="error" if worst.verdict == "error" else "warning",
-            hint=_hint(worst, engine),
+            hint=worst.advice if worst.because else HINTS.get(f"{name} {engine}", usual),
             data={"rank": worst.rank, "off": known(worst.off), "rows": len(bad)},
         )
-
-
-def _size(off: float | None) -> float:
-    """For ordering: what is not a number is worst."""
-    return math.inf if off is None or math.isnan(off) else off
-
-
-def _hint(row: Row, engine: str) -> str:
-    if row.because:
-        return row.advice
-    known = HINTS.get(f"{row.name} {engine}") or HINTS.get(row.name)
-    return known or "the report's table of the check has every row"
 
 
 def _text(value: float | str) -> str:

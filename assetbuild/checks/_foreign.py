@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -193,7 +193,7 @@ REQUIRED = Rule(
     "simready.required",
     "error",
     "a requirement of the SimReady profile is not met",
-    "the message is the validator's; metadata come from the recipe's `about` and `license`",
+    "state what is missing in the recipe's `about`, or `license` under `source`",
 )
 OPTIONAL = Rule(
     "simready.optional",
@@ -238,10 +238,17 @@ class SimReady(Validator):
         lacking = {name: codes for name, codes in lacking.items() if codes}
         missing = []
         for name, codes in lacking.items():
-            if features[name]["blocking_failure"]:
-                yield from self._required(name, features[name], codes)
-            else:
+            if not features[name]["blocking_failure"]:
                 missing.append(f"{name} ({', '.join(codes)})")
+                continue
+            messages = json.loads(features[name].get("requirement_messages") or "{}")
+            for code in codes:
+                said = " ".join(messages.get(f"com.nvidia.simready.{code}", []))
+                yield REQUIRED(
+                    "robot",
+                    f"{self.profile} {PROFILE_VERSION}: {code}: {said or f'feature {name} fails'}",
+                    data={"feature": name, "requirement": code},
+                )
         named = f"{self.profile} {PROFILE_VERSION}"
         met = len(features) - len(lacking)
         figures |= {"profile": named, "met": met, "of": len(features)}
@@ -249,17 +256,6 @@ class SimReady(Validator):
             text = f"{named}: {len(missing)} of {len(features)} features, all optional, are not "
             message = f"{text}there: {', '.join(missing)}"
             yield OPTIONAL("robot", message, data={"features": len(missing)})
-
-    def _required(self, name: str, feature: Json, codes: Sequence[str]) -> Iterator[Finding]:
-        messages = json.loads(feature.get("requirement_messages") or "{}")
-        for code in codes:
-            message = " ".join(messages.get(f"com.nvidia.simready.{code}", []))
-            yield REQUIRED(
-                "robot",
-                f"{self.profile} {PROFILE_VERSION}: {code}: {message or f'feature {name} fails'}",
-                hint="state what is missing in the recipe's `about`, or `license` under `source`",
-                data={"feature": name, "requirement": code},
-            )
 
 
 def _lacking(name: str, feature: Json) -> list[str]:

@@ -22,7 +22,8 @@ from assetbuild.simulators.mujoco.drives import read_drives, servoed
 from assetbuild.simulators.mujoco.grip import Grip, Try, grip
 from assetbuild.simulators.mujoco.hands import Hand
 from assetbuild.simulators.mujoco.motion import MujocoCheck
-from assetbuild.simulators.mujoco.slope import Creep, creep
+from assetbuild.simulators.mujoco.slope import Slope as Sliding
+from assetbuild.simulators.mujoco.slope import creep
 from assetbuild.simulators.slopes import SlopeCheck
 
 WRONG_DROP = Rule(
@@ -104,7 +105,7 @@ class Slope(SlopeCheck, MujocoCheck):
     reads: ClassVar[tuple[str, ...]] = ("control.json",)
     creeps: ClassVar[Rule] = CREEP
 
-    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
+    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Sliding | str:
         """In MuJoCo, whose ground tilts while the robot stands on it."""
         return creep(servoed(model, robot.control), self.wish.share, self.wish.speed)
 

@@ -12,10 +12,10 @@ from assetbuild.alignment.check import AlignmentCheck
 from assetbuild.findings import Rule
 from assetbuild.policy.counting import OrdersCheck
 from assetbuild.simulators.free_fall import FreeFallCheck
+from assetbuild.simulators.gripping import StageGripping
 from assetbuild.simulators.loops import LoopCheck
 from assetbuild.simulators.physx import FREE_FALL, ITERATIONS, PhysxCheck
 from assetbuild.simulators.slopes import SlopeCheck
-from assetbuild.simulators.stage_grip import StageGripping
 
 CREEP = Rule(
     "physx.slope",

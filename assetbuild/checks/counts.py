@@ -15,13 +15,12 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import Precision, differences, equality_findings
 from assetbuild.facts.readers.urdf import UrdfFacts
-from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import MOVING, Control, Tree
-from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.model import MOVING, Tree
 
 Place = tuple[str, str]
 """Role of a shape, and its link."""
@@ -123,7 +122,7 @@ def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
     def is_compared(key: Key) -> bool:
         return key.kind in ("body", "joint") and UrdfFacts.holds(key) and not key.is_foreign
 
-    robot = robot_table(Reference(links, links, Shapes(), Control(), Assets(), {}), merged=False)
+    robot = robot_table(Reference(links, links), merged=False)
     expected, stated = robot.only(is_compared), _with_held(source, links).only(is_compared)
     different = differences(expected, stated, Precision())
     yield from equality_findings(different, "source_urdf", "the source", source.places)

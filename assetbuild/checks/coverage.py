@@ -30,7 +30,7 @@ SHIFT = Rule(
     "coverage.shift",
     "warning",
     "collision geometry is beside the visual geometry of its body",
-    "compare their origins",
+    "compare their `<origin>` in the source; look at the report's 3D view",
 )
 
 
@@ -86,28 +86,25 @@ class Coverage(Check):
         ]  # fmt: skip
         limits = dict.fromkeys(("sticks_out_mm", "shift_mm"), 1e3 * self.max_shift)
         write_figures(files, {"bodies": rows}, limits)
-        yield from self._shifts({name: fit for name, fit in fits.items() if self._is_beside(fit)})
+        yield from self._shifts(fits)
 
     def _limit(self, fit: Fit) -> float:
         return max(self.max_shift, self.max_shift_share * fit.size_m)
 
-    def _is_beside(self, fit: Fit) -> bool:
-        return fit.largest_m > self._limit(fit) and fit.over_m > 0.5 * fit.largest_m
-
-    def _shifts(self, beside: Mapping[str, Fit]) -> Iterator[Finding]:
+    def _shifts(self, fits: Mapping[str, Fit]) -> Iterator[Finding]:
         """One finding for all bodies with an equal shift: four legs share a mistake, or a plan."""
         alike: dict[str, list[str]] = {}
-        for name, fit in beside.items():
-            axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
-            shift = f"{_length(fit.largest_m)} along {axis}"
-            alike.setdefault(shift, []).append(name)
+        for name, fit in fits.items():
+            if fit.largest_m > self._limit(fit) and fit.over_m > 0.5 * fit.largest_m:
+                axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
+                shift = f"{_length(fit.largest_m)} along {axis}"
+                alike.setdefault(shift, []).append(name)
         for shift, (name, *others) in alike.items():
-            fit = beside[name]
+            fit = fits[name]
             same = f"; the same holds for {', '.join(others)}" if others else ""
             yield SHIFT(
                 f"link {name}",
                 f"its collision geometry lies {shift} from its visual geometry{same}",
-                hint="compare their `<origin>` in the source; look at the report's 3D view",
                 data={"shift_m": fit.shift_m, "limit_m": self._limit(fit)},
             )
 

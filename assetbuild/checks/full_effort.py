@@ -161,7 +161,11 @@ def past_limits(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
         data, load = mujoco.at_key(model), np.zeros(model.nv)
         data.qpos[at] = limits[:, side]
         load[model.jnt_dofadr[joints]] = sign * np.array([*pushed.values()])
-        _lead(model, data, load)
+        for index in _active(model, JOINT):  # followers are where their leaders are, who bear it
+            follower, leader, offset, gear = _coupling(model, index)
+            led = data.qpos[model.jnt_qposadr[leader]] if leader >= 0 else 0.0
+            data.qpos[model.jnt_qposadr[follower]] = offset + gear * led
+            load[model.jnt_dofadr[follower]] = 0.0
         aim(model, data)
         for position in _under(model, data, load):
             worst = np.maximum(worst, sign * (position[at] - limits[:, side]))
@@ -243,15 +247,6 @@ def _coupling(model: Model, equality: int) -> tuple[int, int, float, float]:
     """(follower, leader or -1, offset, multiplier)."""
     offset, gear = (float(value) for value in model.eq_data[equality, :2])
     return int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]), offset, gear
-
-
-def _lead(model: Model, data: Data, load: Array) -> None:
-    """Put followers where their leaders are, and take the load off them: it is the leader's."""
-    for index in _active(model, JOINT):
-        follower, leader, offset, gear = _coupling(model, index)
-        led = data.qpos[model.jnt_qposadr[leader]] if leader >= 0 else 0.0
-        data.qpos[model.jnt_qposadr[follower]] = offset + gear * led
-        load[model.jnt_dofadr[follower]] = 0.0
 
 
 def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:

@@ -8,15 +8,15 @@ I = 1 / (M^-1)_ii with armature; kd and passive damping summed, as they act.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.plugin_types import Check, RecipeView, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.closure import felt_inertia
 from assetbuild.robot.dynamics import dynamics, holding_torques, soles
@@ -107,6 +107,7 @@ class Gains(Check):
     section = "validate.gains"
     about = "where the rules `gains.*` draw the line"
     recipe_fields: ClassVar = {"integrator": "mjcf.integrator", "feet": "feet.links"}
+    derived: ClassVar = {"inherited": lambda recipe: not recipe.value("actuators")}
 
     torque: Positive = Field(
         0.8, description="share of the effort limit that holding the pose may need, warning"
@@ -128,12 +129,6 @@ class Gains(Check):
     """Pattern of the source links that stand on the ground; None: the lowest shapes."""
     inherited: bool = False
     """The recipe has no actuator table: any gains are the source's own."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """A table of its own makes a robot's gains the recipe's."""
-        values = super().values(recipe)
-        return None if values is None else values | {"inherited": not recipe.value("actuators")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
@@ -166,11 +161,15 @@ class Gains(Check):
         write_figures(files, figures, limits)
         for name, one in joints.items():
             actuator, slides = control.by_joint[name], tree.by_joint[name].kind == "prismatic"
-            yield from self._judge_strength(actuator, one, slides=slides)
-            yield from self._judge_stability(one, timestep, name)
+            yield from self._judge_strength(actuator, one, timestep, slides=slides)
             yield from self._judge_damping(actuator, one)
         if self.inherited and joints:
-            yield _inherited([one.frequency_hz for one in joints.values()])
+            drives = "1 drive keeps" if len(joints) == 1 else f"{len(joints)} drives keep"
+            hertz = [one.frequency_hz for one in joints.values()]
+            span = " to ".join(dict.fromkeys(f"{end(hertz):.3g}" for end in (min, max)))
+            text = f"{drives} the gains of the source's MJCF ({span} Hz at this pose): such files "
+            text += "are often tuned for a viewer"
+            yield INHERITED("robot", text, data={"joints": len(joints)})
 
     def _effective(
         self, actuator: Actuator, inertia: float, torque: float | None, dt: float
@@ -201,7 +200,7 @@ class Gains(Check):
         )
 
     def _judge_strength(
-        self, actuator: Actuator, one: Effective, *, slides: bool
+        self, actuator: Actuator, one: Effective, timestep: float, *, slides: bool
     ) -> Iterator[Finding]:
         subject = f"actuator {actuator.joint}"
         way, unit = ("m", "N") if slides else ("rad", "N m")
@@ -228,12 +227,10 @@ class Gains(Check):
                 f"saturates at {most:.3g} {way} of error: it acts as a switch rather than a spring",
                 data={"error_at_limit": most},
             )
-
-    def _judge_stability(self, one: Effective, timestep: float, joint: str) -> Iterator[Finding]:
         if one.margin is not None and one.margin < self.margin:
             diverges = one.margin <= 1.0
             yield UNSTABLE(
-                f"actuator {joint}",
+                subject,
                 f"{'diverges' if diverges else 'is close to diverging'} at a timestep of "
                 f"{timestep:g} s: {one.margin:.3g} times its gains are the limit",
                 severity="error" if diverges else "warning",
@@ -262,14 +259,3 @@ class Gains(Check):
             message = f"the drive's kd {kd:.3g} and the joint's damping {actuator.damping:.3g}"
             data = {"kd": kd, "damping": actuator.damping}
             yield DAMPED_TWICE(subject, f"{message} add up", data=data)
-
-
-def _inherited(frequencies: Sequence[float]) -> Finding:
-    drives = "1 drive keeps" if len(frequencies) == 1 else f"{len(frequencies)} drives keep"
-    span = " to ".join(dict.fromkeys(f"{f(frequencies):.3g}" for f in (min, max)))
-    return INHERITED(
-        "robot",
-        f"{drives} the gains of the source's MJCF ({span} Hz at this pose): such files are often "
-        "tuned for a viewer",
-        data={"joints": len(frequencies)},
-    )

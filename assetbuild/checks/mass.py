@@ -52,25 +52,25 @@ TOTAL = Rule(
     "mass.total",
     ("warning", "error"),
     "the robot's mass differs from its datasheet (an error above five tolerances)",
-    "find the body; `edits: set_mass`",
+    "look for a body with too little or too much below; `edits: set_mass`",
 )
 DENSITY = Rule(
     "mass.density",
     ("warning", "info"),
     "a body is far lighter or heavier than matter of its size",
-    "check for a factor of ten, and the units of the mesh",
+    "is the mass ten times too large or small, or the mesh in other units?",
 )
 CENTER = Rule(
     "mass.center",
     "warning",
     "a centre of mass is outside the geometry of its body",
-    "check the frame in which it is given",
+    "was it given in another frame? `edits: set_inertia` corrects it",
 )
 AXES = Rule(
     "mass.axes",
     "warning",
     "the mass is long where the geometry is short",
-    "check the axes of the tensor",
+    "is the tensor given in the link's axes? `edits: set_inertia` corrects it",
 )
 ABSURD = Rule(
     "mass.absurd",
@@ -82,7 +82,7 @@ SIZE = Rule(
     "mass.size",
     "error",
     "a body that moves is longer than 20 m, which no robot's body is",
-    "give the mesh its `scale`: most are drawn in millimetres",
+    'is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
 )
 
 
@@ -139,7 +139,10 @@ class Mass(Check):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
-        tree, unknown = robot.tree, _half_seen(robot) if self.absent else set[str]()
+        tree, unknown = robot.tree, set[str]()
+        if self.absent:  # bodies with a link that collides and is not drawn
+            drawn, solid = ({s.link for s in robot.shapes.of(r)} for r in ("visual", "collision"))
+            unknown = {tree.placement(link)[0] for link in solid - drawn}
         parts = hulls_by_body(robot)
         hulls = {key: common_hull(parts[key]) for key in parts if key[0] not in unknown}
         every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}
@@ -155,8 +158,18 @@ class Mass(Check):
         smallest_m = min((row.size_m for row in bodies.values()), default=1.0)
         limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
         write_figures(files, figures, limits)
-        extents = _extents(hulls)
-        yield from self._judge_total(total)
+        points: dict[str, list[Array]] = {}  # of all that is drawn and all that collides
+        for (name, _), hull in hulls.items():
+            points.setdefault(name, []).append(hull.vertices)
+        extents = {name: extent_of(vertices) for name, vertices in points.items()}
+        error = abs(total - self.total_kg) / self.total_kg if self.total_kg is not None else 0.0
+        if error > self.tolerance:
+            yield TOTAL(
+                "robot",
+                f"the robot has {total:.4g} kg, its datasheet says {self.total_kg:.4g} kg",
+                severity="error" if error > BROKEN * self.tolerance else "warning",
+                data={"total_kg": total, "datasheet_kg": self.total_kg, "relative": error},
+            )
         yield from _too_large(tree, extents)
         yield from _of_no_matter(tree, every)
         for name, row in bodies.items():
@@ -164,26 +177,12 @@ class Mass(Check):
         yield from _outside(bodies)
         yield from contradictions(tree, extents)
 
-    def _judge_total(self, total: float) -> Iterator[Finding]:
-        if self.total_kg is None:
-            return
-        error = abs(total - self.total_kg) / self.total_kg
-        if error > self.tolerance:
-            yield TOTAL(
-                "robot",
-                f"the robot has {total:.4g} kg, its datasheet says {self.total_kg:.4g} kg",
-                severity="error" if error > BROKEN * self.tolerance else "warning",
-                hint="look for a body with too little or too much below; `edits: set_mass`",
-                data={"total_kg": total, "datasheet_kg": self.total_kg, "relative": error},
-            )
-
     def _judge(self, name: str, row: Filled, total_kg: float) -> Iterator[Finding]:
         if not self.density[0] <= row.density <= self.density[1]:
             yield DENSITY(
                 f"link {name}",
                 f"{row.mass_kg:.4g} kg in a hull of {1e3 * row.volume_m3:.3g} litres: "
                 f"{row.density:.4g} kg/m³",
-                hint="is the mass ten times too large or small, or the mesh in other units?",
                 severity="info" if row.mass_kg < NEGLIGIBLE * total_kg else "warning",
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
@@ -192,17 +191,8 @@ class Mass(Check):
                 f"link {name}",
                 f"the longest axis of the mass is {math.degrees(row.angle_rad):.0f} degrees away "
                 "from that of the geometry",
-                hint="is the tensor given in the link's axes? `edits: set_inertia` corrects it",
                 data={"angle_rad": row.angle_rad},
             )
-
-
-def _extents(hulls: Hulls) -> dict[str, Extent]:
-    """Return the extent of each body: all that is drawn and all that collides."""
-    points: dict[str, list[Array]] = {}
-    for (name, _), hull in hulls.items():
-        points.setdefault(name, []).append(hull.vertices)
-    return {name: extent_of(vertices) for name, vertices in points.items()}
 
 
 def _outside(bodies: Mapping[str, Filled]) -> Iterator[Finding]:
@@ -218,7 +208,6 @@ def _outside(bodies: Mapping[str, Filled]) -> Iterator[Finding]:
         yield CENTER(
             f"link {name}",
             f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry{also}",
-            hint="was it given in another frame? `edits: set_inertia` corrects it",
             data={"outside_m": row.outside_m, "size_m": row.size_m},
         )
 
@@ -241,7 +230,6 @@ def _too_large(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
             yield SIZE(
                 f"link {body.name}",
                 f"is {size:.4g} m long, more than any robot's body (limit {LONGEST_M:g} m)",
-                hint='is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
                 data={"size_m": size, "limit_m": LONGEST_M},
             )
 
@@ -272,13 +260,6 @@ def _of_no_matter(tree: Tree, bodies: Mapping[str, Filled]) -> Iterator[Finding]
 def _loose_bodies(tree: Tree) -> list[Body]:
     """Return all bodies but the bolted root, which many files give no mass or a whole hall."""
     return [b for b in tree.bodies if tree.base == "floating" or b.name != tree.root]
-
-
-def _half_seen(robot: RobotFiles) -> set[str]:
-    """Bodies with a link that collides and is not drawn."""
-    drawn = {shape.link for shape in robot.shapes.of("visual")}
-    undrawn = {shape.link for shape in robot.shapes.of("collision")} - drawn
-    return {robot.tree.placement(link)[0] for link in undrawn}
 
 
 def _filled(body: Body, hulls: Hulls) -> Filled | None:

@@ -16,11 +16,11 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.mjcf_grammar import OLDEST, newer_words
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import load, mj
-from assetbuild.simulators.mujoco.drives import Drive, read_drives
+from assetbuild.simulators.mujoco.drives import read_drives
 
 LOAD = Rule(
     "mjcf.load", "error", "MuJoCo refuses the file", "its message names the element or the file"
@@ -35,12 +35,10 @@ SIZES = {"bodies": "nbody", "nq": "nq", "nv": "nv", "nu": "nu", "keyframes": "nk
 """Figure -> its name in MuJoCo's model."""
 
 
-class MjcfCompiles(Check):
+class MjcfCompiles(mujoco.WithMujoco):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
     usual_s = 0.6
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjcf",)
     reads = ()
 
@@ -74,9 +72,16 @@ def without_visual_meshes(spec: Any) -> None:  # Any: MuJoCo's MjSpec
 
 def lint_file(path: Path) -> Iterator[Finding]:
     """Everything that can be said about one MJCF file, foreign or our own."""
-    if pipe := next(_pipes(path), None):
-        yield LOAD("robot", f"`{pipe}`, which {path.name} names, is no file that can be read")
-        return
+    text = path.read_text(encoding="utf-8", errors="replace")
+    folders = {"", *re.findall(r'(?:mesh|texture|asset)dir="([^"]+)"', text)}
+    for name in dict.fromkeys(re.findall(r'file\w*="([^"]+)"', text)):
+        for place in (path.parent / folder / name for folder in folders):
+            # A pipe or a device, whose content may never end.
+            if place.exists() and not place.is_file() and not place.is_dir():
+                yield LOAD(
+                    "robot", f"`{name}`, which {path.name} names, is no file that can be read"
+                )
+                return
     model = yield from _loaded(path)
     if model is not None:
         yield from lint_text(path)
@@ -95,16 +100,6 @@ def _loaded(
     for warning in dict.fromkeys(loaded.warnings):
         yield WARNING("robot", f"MuJoCo on {path.name}: {warning}")
     return loaded.model
-
-
-def _pipes(path: Path) -> Iterator[str]:
-    """What the text names as a file and is a pipe or a device, whose content may never end."""
-    text = path.read_text(encoding="utf-8", errors="replace")
-    folders = {"", *re.findall(r'(?:mesh|texture|asset)dir="([^"]+)"', text)}
-    for name in dict.fromkeys(re.findall(r'file\w*="([^"]+)"', text)):
-        for place in (path.parent / folder / name for folder in folders):
-            if place.exists() and not place.is_file() and not place.is_dir():
-                yield name
 
 
 # --- what the text says that no compiled model shows any more ------------------------------------
@@ -131,7 +126,7 @@ ABSOLUTE_PATH = Rule(
     "lint.absolute_path",
     "warning",
     "a path that exists on one machine only",
-    "make it relative to the file",
+    "give the path from the file's own folder",
 )
 RANGE = Rule(
     "lint.range", "error", "the lower end of a range is not below the upper one", "swap them"
@@ -181,7 +176,6 @@ def _element(element: Xml) -> Iterator[Finding]:
             yield ABSOLUTE_PATH(
                 where,
                 f"`{value}` exists on one machine only",
-                hint="give the path from the file's own folder",
             )
         numbers = [float(word) for word in value.split()] if name in RANGES else []
         if len(numbers) == 2 and numbers[0] >= numbers[1] and any(numbers):
@@ -242,12 +236,13 @@ KEY_TARGET = Rule(
     "lint.key_target",
     "warning",
     "a position drive pulls away from the pose of the keyframe",
-    "set `ctrl` equal to the positions",
+    "give the keyframe a `ctrl` that equals its positions",
 )
 
 
 def lint_model(model: mujoco.Model) -> Iterator[Finding]:
     """All that the compiled model shows without a step of simulation."""
+    servos = [drive for drive in read_drives(model) if drive.kind == "servo"]
     for key in range(model.nkey):
         name = mujoco.name_of(model, "key", key)
         qpos, ctrl = model.key_qpos[key], model.key_ctrl[key]
@@ -261,9 +256,15 @@ def lint_model(model: mujoco.Model) -> Iterator[Finding]:
                 value = ctrl[mujoco.first_command(model, drive)]
                 subject = f"actuator {mujoco.name_of(model, 'actuator', drive)}"
                 yield from _outside(KEY_CTRL, subject, name, value, model.actuator_ctrlrange[drive])
-        for servo in read_drives(model):
-            if servo.kind == "servo":
-                yield from _target(model, servo, name, qpos, float(ctrl[servo.ctrl_index]))
+        for servo in servos:
+            at = float(qpos[model.jnt_qposadr[servo.joint]])
+            target = servo.target(float(ctrl[servo.ctrl_index]))
+            if abs(at - target) > TARGET_TOLERANCE:
+                yield KEY_TARGET(
+                    f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
+                    f"keyframe `{name}`: its target is {target:g}, the joint stands at {at:g}",
+                    data={"keyframe": name, "target": target, "position": at},
+                )
 
 
 def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> Iterator[Finding]:
@@ -273,18 +274,4 @@ def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> I
             subject,
             f"keyframe `{key}`: {value:g} is outside {low:g}..{high:g}",
             data={"keyframe": key, "value": float(value), "lower": low, "upper": high},
-        )
-
-
-def _target(
-    model: mujoco.Model, servo: Drive, key: str, qpos: Array, command: float
-) -> Iterator[Finding]:
-    """A position drive that pulls away from the pose it starts in."""
-    at, target = float(qpos[model.jnt_qposadr[servo.joint]]), servo.target(command)
-    if abs(at - target) > TARGET_TOLERANCE:
-        yield KEY_TARGET(
-            f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
-            f"keyframe `{key}`: its target is {target:g}, the joint stands at {at:g}",
-            hint="give the keyframe a `ctrl` that equals its positions",
-            data={"keyframe": key, "target": target, "position": at},
         )

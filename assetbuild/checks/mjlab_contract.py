@@ -14,7 +14,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.standins import Record, recorded, table_of, words_of
 from assetbuild.findings import NOT_LOADED, Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 
@@ -35,11 +35,9 @@ BURIED = Rule(
 )
 
 
-class MjlabContract(Check):
+class MjlabContract(mujoco.WithMujoco):
     """One finding per broken promise."""
 
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjlab",)
     reads: ClassVar = ("tree.json",)
 
@@ -56,7 +54,7 @@ class MjlabContract(Check):
             return  # the readers of both files say so
         write_figures(files, {"sensors": int(model.nsensor), "sites": int(model.nsite)})
         for record in records:
-            for message in (*_unknown(record, model), *_unpaired(record, model)):
+            for message in _broken(record, model):
                 yield CONTRACT("robot", message)
         if model.nkey:
             yield CONTRACT("robot", "the bare MJCF has keyframes: those of a scene are its own")
@@ -65,8 +63,11 @@ class MjlabContract(Check):
             yield BURIED("robot", f"the root rests at a height of {float(model.qpos0[2]):.3g} m")
 
 
-def _unknown(record: Record, model: mujoco.Model) -> Iterator[str]:
-    """Names that stand for nothing."""
+def _broken(record: Record, model: mujoco.Model) -> Iterator[str]:
+    """Yield each name that stands for nothing, and feet that are in another order.
+
+    mjlab's rewards take contacts, in the model's order, and sites of the feet in pairs.
+    """
     kind, patterns = _contact(record)
     for constant, of, words in (
         ("IMU_SITE", "site", words_of(record.get("IMU_SITE"))),
@@ -77,11 +78,6 @@ def _unknown(record: Record, model: mujoco.Model) -> Iterator[str]:
         for word in words:
             if not any(re.fullmatch(word, name) for name in _names(model, of)):
                 yield f"{constant}: no {of} of the bare MJCF is called `{word}`"
-
-
-def _unpaired(record: Record, model: mujoco.Model) -> Iterator[str]:
-    """mjlab's rewards take contacts, in the model's order, and sites of the feet in pairs."""
-    kind, patterns = _contact(record)
     touching = [n for n in _names(model, kind) for word in patterns if re.fullmatch(word, n)]
     sites = [name for name in words_of(record.get("FOOT_SITES")) if name in _names(model, "site")]
     bodies = [_body_of(model, kind, name) for name in touching]

@@ -15,7 +15,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
@@ -43,22 +43,22 @@ UNSUPPORTED_PAIR = Rule(
     "mjx.pair",
     "error",
     "two shapes may touch, and MJX has no contact for them",
-    "use a capsule in place of a cylinder, or exclude the pairs",
+    "make one a capsule, exclude the pairs, or `mjx: {self_collision: false}`",
 )
 MARGIN = Rule(
     "mjx.margin",
     "error",
     "a mesh has a contact margin, which MJX refuses",
-    "leave `contact.margin` at 0",
+    "leave `contact.margin` at 0, or use a primitive",
 )
-OPTION = Rule("mjx.option", "error", "MJX does not have this option", "change it under `mjx`")
+OPTION = Rule(
+    "mjx.option", "error", "MJX does not have this option", "change it in the recipe's `mjx`"
+)
 
 
-class MjxPairs(Check):
+class MjxPairs(mujoco.WithMujoco):
     """Findings `mjx.<what>`; figures: pairs by kinds, and how many are fast."""
 
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjx",)
     reads = ()
 
@@ -70,18 +70,14 @@ class MjxPairs(Check):
             write_figures(files, {"skipped": "it does not load"})
             yield LOAD("robot", f"MuJoCo refuses it: {error.message}")
             return
-        write_figures(files, figures(model))
+        counts = {kinds: len(alike) for kinds, alike in pairs(model).items()}
+        figures = {
+            "pairs": sum(counts.values()),
+            "fast_on_warp": sum(counts[kinds] for kinds in counts.keys() & FAST_ON_WARP),
+            "by_kinds": {"-".join(kinds): counts[kinds] for kinds in sorted(counts)},
+        }
+        write_figures(files, figures)
         yield from judge(model)
-
-
-def figures(model: mujoco.Model) -> dict[str, object]:
-    """Number of pairs by their kinds, and in all."""
-    counts = {kinds: len(alike) for kinds, alike in pairs(model).items()}
-    return {
-        "pairs": sum(counts.values()),
-        "fast_on_warp": sum(counts[kinds] for kinds in counts.keys() & FAST_ON_WARP),
-        "by_kinds": {"-".join(kinds): counts[kinds] for kinds in sorted(counts)},
-    }
 
 
 def pairs(model: mujoco.Model) -> dict[Kinds, list[Pair]]:
@@ -103,7 +99,6 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
         yield UNSUPPORTED_PAIR(
             f"shape {other}",
             f"MJX has no contact of {a} and {b}: {count} pairs, such as {one} and {other}",
-            hint="make one a capsule, exclude the pairs, or `mjx: {self_collision: false}`",
             data={"pairs": count, "kinds": f"{a}-{b}"},
         )
     margins = [
@@ -116,12 +111,10 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
         yield MARGIN(
             f"shape {mujoco.name_of(model, 'geom', margins[0][1])}",
             f"MJX takes no margin on a mesh: {len(margins)} pairs have one",
-            hint="leave `contact.margin` at 0, or use a primitive",
             data={"pairs": len(margins)},
         )
     for what in _lacking(model):
-        message = f"MJX does not do this: {what}"
-        yield OPTION("robot", message, hint="change it in the recipe's `mjx`")
+        yield OPTION("robot", f"MJX does not do this: {what}")
 
 
 def _lacking(model: mujoco.Model) -> Iterator[str]:

@@ -8,50 +8,49 @@ gravity, and what the base weighs in the whole robot's inertia.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, quat_of, vec3
 from assetbuild.robot.tree import sample_positions
-from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mass_matrix
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Model, floats, mj
 
 LOAD = Rule("oracle.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
 DIFFERS = Rule(
     "oracle.*",
     "error",
     "kinematics, mass matrix or gravity differ from what pinocchio computes on the source",
-    "report it: this is a bug",
+    "the MJCF is not the source's robot: please report it with the recipe",
 )
 UNREADABLE = Rule(
     "oracle.unreadable",
     "warning",
     "pinocchio refuses the source",
-    "nothing; the other checks still run",
+    "the other checks still compare mass, axes and limits",
 )
 UNSUPPORTED = Rule(
     "oracle.unsupported",
     "info",
     "planar or floating joints are not compared",
-    "nothing; the other checks still run",
+    "the other checks still compare mass, axes and limits",
 )
 KINDS = ("kinematics", "mass_matrix", "gravity")
-REPORT = "the MJCF is not the source's robot: please report it with the recipe"
-OTHERS = "the other checks still compare mass, axes and limits"
 Matter = tuple[float, Array, Array]
 """Mass, centre of mass, and (3, 3) inertia about it along the world's axes."""
 BASE = 6
 """Degrees of freedom of a free base, the first of both libraries."""
 
 
-class Oracle(Check):
+class Oracle(mujoco.WithMujoco):
     """At random poses kinematics, mass matrix and gravity, by two libraries.
 
     Errors are relative. Kinematics: entries of 4 x 4 poses against max(1, largest |entry|), metres
@@ -64,9 +63,6 @@ class Oracle(Check):
     """
 
     usual_s = 0.4
-    isolated: ClassVar = True
-    # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
-    preload: ClassVar = ("mujoco",)
     needs: ClassVar = ("mjcf", "source")
     reads: ClassVar = ("links.json", "tree.json")
     requires: ClassVar = {"pinocchio": "oracle"}
@@ -82,7 +78,7 @@ class Oracle(Check):
         odd = [j for j in robot.links.joints if j.kind in ("floating", "planar", "ball")]
         if odd:
             text = f"a {odd[0].kind} joint is not compared with pinocchio, so nothing was"
-            findings = [UNSUPPORTED(f"joint {odd[0].name}", text, OTHERS)]
+            findings = [UNSUPPORTED(f"joint {odd[0].name}", text)]
         else:
             findings = list(self._compare(files, robot.links, robot.tree, figures))
         write_figures(files, figures, {f"{kind}_error": self.tolerance for kind in KINDS})
@@ -96,26 +92,26 @@ class Oracle(Check):
             pin = _Pinocchio(source, links, tree)
         except (ValueError, RuntimeError) as error:
             text = f"pinocchio cannot read the source, nothing was compared: {error}"
-            yield UNREADABLE("robot", text, OTHERS)
+            yield UNREADABLE("robot", text)
             return
         try:
-            mj = _Mujoco(_without_drives(files.inputs / "mjcf" / f"{self.robot}.xml"), tree)
-        except ValueError as error:
-            text = " ".join(str(error).replace(f"{files.inputs / 'mjcf'}/", "").split())
-            yield LOAD("robot", f"nothing to compare: {text}")
+            path = files.inputs / "mjcf" / f"{self.robot}.xml"
+            ours = _Mujoco(mujoco.load(path, visuals=False).model, tree)
+        except StepError as error:
+            yield LOAD("robot", f"nothing to compare: {error.message}")
             return
         except LookupError as missing:  # `Invalid name 'knee'. Valid names: ...` of MuJoCo
             text = str(missing.args[0]).partition(". Valid")[0]
-            yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}", REPORT)
+            yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}")
             return
-        figures |= {"nv": mj.model.nv, "mass_mjcf_kg": float(mj.model.body_mass.sum())}
+        figures |= {"nv": ours.model.nv, "mass_mjcf_kg": float(ours.model.body_mass.sum())}
         figures |= {"mass_source_kg": pin.mass}
         X_world_body = pin.X_world_root @ tree.placement(links.root)[1].inverse()
         worst = dict.fromkeys(KINDS, (0.0, "robot"))
         for positions in sample_positions(tree, self.poses, seed=0):
             pin.move(positions)
-            mj.move(positions, X_world_body)
-            for kind, value, subject in _errors(pin, mj):
+            ours.move(positions, X_world_body)
+            for kind, value, subject in _errors(pin, ours):
                 if not value <= worst[kind][0]:  # NaN wins
                     worst[kind] = (value, subject)
         figures |= {f"{kind}_error": value for kind, (value, _) in worst.items()}
@@ -125,28 +121,28 @@ class Oracle(Check):
                     f"{kind.replace('_', ' ')} of MJCF and source differ by {value:.3g} relative "
                     f"(at most {self.tolerance:g}) over {self.poses} poses"
                 )
-                yield DIFFERS.named(kind)(subject, text, REPORT, data={"error": value})
+                yield DIFFERS.named(kind)(subject, text, data={"error": value})
 
 
-def _errors(pin: _Pinocchio, mj: _Mujoco) -> Iterator[tuple[str, float, str]]:
+def _errors(pin: _Pinocchio, ours: _Mujoco) -> Iterator[tuple[str, float, str]]:
     """(kind, relative error, subject) in one pose."""
     for name, theirs in pin.link_poses():
-        for ours in mj.link_poses(name):
-            yield "kinematics", _apart(ours, theirs), f"link {name}"
-    yield "mass_matrix", _matter_apart(mj.matter(), pin.matter()), f"link {mj.root}"
-    joints = list(mj.dof)
+        for placed in ours.link_poses(name):
+            yield "kinematics", _apart(placed, theirs), f"link {name}"
+    yield "mass_matrix", _matter_apart(ours.matter(), pin.matter()), f"link {ours.root}"
+    joints = list(ours.dof)
     if not joints:
         return
-    here, there = ([side.dof[name] for name in joints] for side in (mj, pin))
-    matrix = mass_matrix(mj.model, mj.data)[np.ix_(here, here)]
+    here, there = ([side.dof[name] for name in joints] for side in (ours, pin))
+    matrix = mujoco.mass_matrix(ours.model, ours.data)[np.ix_(here, here)]
     wanted = pin.mass_matrix()[np.ix_(there, there)]
     root = np.sqrt(np.diag(wanted))
     errors = np.abs(matrix - wanted) / np.outer(root, root)
     row = int(np.unravel_index(int(np.argmax(errors)), errors.shape)[0])
     yield "mass_matrix", float(errors.max()), f"joint {joints[row]}"
-    pulled = pin.gravity(mj.model.opt.gravity)[there]
+    pulled = pin.gravity(ours.model.opt.gravity)[there]
     # At rest the bias force is gravity alone.
-    held = mj.data.qfrc_bias[here]
+    held = ours.data.qfrc_bias[here]
     worst = int(np.argmax(np.abs(held - pulled)))
     yield "gravity", _apart(held, pulled), f"joint {joints[worst]}"
 
@@ -251,59 +247,45 @@ def _with_limits(urdf: str) -> str:
     return ElementTree.tostring(root, "unicode")
 
 
-def _without_drives(path: Path) -> Model:
-    """Our MJCF without looks, contacts and armature; ValueError where MuJoCo refuses it."""
-    import mujoco
-
-    with caught_warnings():
-        spec = mujoco.MjSpec.from_file(str(path))
-        spec.compiler.discardvisual = True
-        model = spec.compile()
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
-    model.dof_armature[:] = 0.0
-    return model
-
-
 class _Mujoco:
-    """Our MJCF; LookupError where it is not built as the robot. dof: velocity index by joint."""
+    """Our MJCF without contacts and armature. dof: velocity index by joint.
+
+    LookupError where it is not built as the robot.
+    """
 
     def __init__(self, model: Model, tree: Tree) -> None:
-        import mujoco
-
-        self.model, self.data, self.root = model, mujoco.MjData(model), tree.root
-        mujoco.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
+        model = mujoco.without(model, "CONTACT")
+        # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
+        model.dof_armature[:] = 0.0
+        self.model, self.data, self.root = model, mj.MjData(model), tree.root
+        mj.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
         # MuJoCo takes a frame that is turned by less than 2e-6 rad for its body's frame.
         for same_frame in ("body_sameframe", "site_sameframe"):
-            getattr(model, same_frame)[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
-        self._floats = tree.base == "floating"
-        is_free = bool(model.njnt) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
-        if self._floats != is_free:
+            getattr(model, same_frame)[:] = int(mj.mjtSameFrame.mjSAMEFRAME_NONE)
+        if (tree.base == "floating") != floats(model):
             raise LookupError(f"the base is {tree.base}, but the first joint says otherwise")
         joints = {joint.name: model.joint(joint.name) for joint in tree.moving_joints}
         self.dof = {name: int(joint.dofadr[0]) for name, joint in joints.items()}
         self._qpos = {name: int(joint.qposadr[0]) for name, joint in joints.items()}
-        self._written = body_names(tree)
+        self._written = mujoco.body_names(tree)
         self._sites = {str(model.site(index).name) for index in range(model.nsite)}
         self._bodies = {str(model.body(index).name) for index in range(model.nbody)}
         for body in tree.bodies:
             if not body.is_massless:
                 model.body(self._written[body.name])
-        if more := int(model.nv) - len(self.dof) - BASE * self._floats:
+        if more := int(model.nv) - len(self.dof) - BASE * floats(model):
             raise LookupError(f"{more} degrees of freedom more than the robot has")
         self._links = {body.name: (body.name, Pose().matrix()) for body in tree.bodies}
         self._links |= {f.name: (f.body, f.X_body_frame.matrix()) for f in tree.frames}
 
     def move(self, positions: Mapping[str, float], X_world_body: Pose) -> None:
         """Place it at rest. X_world_body: of a floating base."""
-        import mujoco
-
-        if self._floats:
+        if floats(self.model):
             self.data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
         for name, index in self._qpos.items():
             self.data.qpos[index] = positions[name]
         self.data.qvel[:] = 0.0
-        mujoco.mj_forward(self.model, self.data)
+        mj.mj_forward(self.model, self.data)
 
     def link_poses(self, name: str) -> Iterator[Array]:
         """Poses (4, 4) of a link in the world, through the robot's frames and by its site.
@@ -317,14 +299,11 @@ class _Mujoco:
                 yield _matrix(self.data.site(name))
 
     def matter(self) -> Matter:
-        """The same three, summed over MuJoCo's bodies."""
-        masses, turns = self.model.body_mass, self.data.ximat.reshape(-1, 3, 3)
-        total, places = float(masses.sum()), np.array(self.data.xipos)
-        centre = masses @ places / total if total else np.zeros(3)
-        arms = places - centre
-        inertia = np.einsum("bij,bj,bkj->ik", turns, self.model.body_inertia, turns)
-        second = np.einsum("b,bi,bj->ij", masses, arms, arms)
-        return total, centre, inertia + np.trace(second) * np.eye(3) - second
+        """The same three, of MuJoCo's composite of all bodies."""
+        xx, yy, zz, xy, xz, yz = self.data.crb[1][:6]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        total = float(self.model.body_subtreemass[0])
+        return total, np.array(self.data.subtree_com[0]), inertia
 
 
 def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData

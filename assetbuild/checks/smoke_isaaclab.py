@@ -14,14 +14,13 @@ from assetbuild.engine.step import Files
 from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
-from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import FactCollector, Key, Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import (
     FAILED,
     NOT_FINITE,
@@ -121,7 +120,7 @@ def evaluate(
 ) -> Iterator[Finding]:
     """What is wrong with an answer; separate, to be tried on bad ones."""
     held, name = readings_table(answer)[0], f"Isaac Lab on {ENGINES[engine]}"
-    table = _as_held(robot_table(Reference(tree, tree, Shapes(), control, Assets(), {})), control)
+    table = _as_held(robot_table(Reference(tree, tree, control=control)), control)
     # Of a body without mass the engine makes one up, which `usd.mass_missing` reports.
     light = {b.name for b in tree.bodies if not table.facts[Key("body", b.name, "mass")]}
     robot_names = {

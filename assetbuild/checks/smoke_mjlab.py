@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import RecipeView, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.simulators.consumers import (
     FAILED,
     NOT_FINITE,
@@ -42,6 +42,12 @@ class SmokeMjlab(ConsumerCheck):
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
+    derived: ClassVar = {
+        "effort_factor": lambda recipe: max(
+            (row.effort[1] for row in (recipe.value("randomize.joints") or {}).values()),
+            default=1.0,
+        )
+    }
     home: ClassVar[Environment] = Environment(
         "mjlab", ("mjlab==1.6.0",), size="3.4 GB to download, 6.7 GB on disk"
     )
@@ -57,13 +63,6 @@ class SmokeMjlab(ConsumerCheck):
     effort_factor: float = 1.0
     """The largest factor by which the recipe's `randomize` raises an effort limit."""
     bounds: SmokeBounds = SmokeBounds()
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """With what the recipe's ranges allow."""
-        values, ranges = super().values(recipe), recipe.value("randomize.joints") or {}
-        factor = max((row.effort[1] for row in ranges.values()), default=1.0)
-        return None if values is None else values | {"effort_factor": factor}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures without times, which differ from machine to machine."""

@@ -15,16 +15,14 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import NEWTON, newton_expected, newton_table
-from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import stages
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE
-from assetbuild.simulators.experiments import Experiment, Outcome, load
+from assetbuild.simulators.experiments import Experiment, Outcome, StageNames, load
 from assetbuild.simulators.newton import NewtonCheck
-from assetbuild.simulators.stage_world import StageNames
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers, usd_identifiers
 
 LIGHT = (
@@ -102,7 +100,7 @@ def evaluate(
         yield NOT_FINITE("robot", message, "a gain or timestep too large?")
     alike, tree = kind == "mjcf", robot.tree
     table = newton_expected(
-        Reference(tree, tree, Shapes(), robot.control, Assets(), {}),
+        Reference(tree, tree, control=robot.control),
         robot.shapes,
         coupled=alike or mimics,
         usd=not alike,

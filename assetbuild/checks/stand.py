@@ -26,7 +26,10 @@ FAR = 10.0
 
 LOAD = Rule("stand.load", "error", "there is no scene, keyframe or floor", "correct the recipe")
 NOT_FINITE = Rule(
-    "stand.finite", "error", "the simulation became unstable", "lower kd or the timestep"
+    "stand.finite",
+    "error",
+    "the simulation became unstable",
+    "lower kd or the timestep; look for tiny inertias and overlapping shapes",
 )
 FALL = Rule(
     "stand.fall",
@@ -51,7 +54,8 @@ START = Rule(
     "stand.sole_gap",
     ("warning", "error"),
     "the soles are not on the floor at the start (an error above 10 mm)",
-    "`base: on_ground`",
+    "`base: on_ground` puts the lowest part on the floor: choose joint values with which all "
+    "soles are as low",
 )
 CONTACT = Rule(
     "stand.contact",
@@ -131,7 +135,6 @@ class Stand(mujoco.InMujoco):
             yield NOT_FINITE(
                 "robot",
                 f"the simulation became unstable while standing at `{self.keyframe}`",
-                hint="lower kd or the timestep; look for tiny inertias and overlapping shapes",
                 data={"warnings": len(stood.warnings)},
             )
 
@@ -142,7 +145,18 @@ class Stand(mujoco.InMujoco):
             yield self._fell(stood)
         if tree.base == "floating":
             yield from self._judge_soles(self._soles(stood, link_of, tree))
-            yield from self._judge_base(stood)
+            for rule, value, limit, unit, what in (
+                (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed"),
+                (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted"),
+                (DRIFT, stood.drift_m, self.max_drift, "m", "base moved sideways"),
+            ):
+                if value > limit:
+                    message = (
+                        f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}"
+                    )
+                    yield rule(
+                        "robot", message, data={f"value_{unit}": value, f"limit_{unit}": limit}
+                    )
             yield from self._judge_contacts(stood, link_of)
         for joint, load in stood.load.items():
             if load >= self.saturated:
@@ -180,7 +194,10 @@ class Stand(mujoco.InMujoco):
         for geom, gap in stood.gap_m.items():
             link = link_of.get(geom, geom)
             if self._is_foot(link):
-                foot = _held_by(tree, link)
+                # The uppermost body that fixed joints alone connect with the link.
+                foot = next((frame.body for frame in tree.frames if frame.name == link), link)
+                while (joint := tree.joint_above.get(foot)) is not None and joint.kind == "fixed":
+                    foot = joint.parent
                 soles[foot] = min((gap, link), soles.get(foot, (gap, link)))
         lowest = sorted(soles.values())
         return {link: gap for gap, link in (lowest if self.feet or self.soles else lowest[:1])}
@@ -195,20 +212,8 @@ class Stand(mujoco.InMujoco):
                     f"link {link}",
                     f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm {side} the floor",
                     severity="error" if abs(gap) > FAR * self.sole else "warning",
-                    hint="`base: on_ground` puts the lowest part on the floor: choose joint values "
-                    "with which all soles are as low",
                     data={"gap_m": gap, "tolerance_m": self.sole},
                 )
-
-    def _judge_base(self, stood: Stood) -> Iterator[Finding]:
-        for rule, value, limit, unit, what in (
-            (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed"),
-            (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted"),
-            (DRIFT, stood.drift_m, self.max_drift, "m", "base moved sideways"),
-        ):
-            if value > limit:
-                message = f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}"
-                yield rule("robot", message, data={f"value_{unit}": value, f"limit_{unit}": limit})
 
     def _judge_contacts(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         at_end = {link_of.get(geom, geom) for geom in stood.touching}
@@ -222,14 +227,6 @@ class Stand(mujoco.InMujoco):
                 )
         if not at_end:
             yield CONTACT("robot", "nothing touches the floor at the end", severity="error")
-
-
-def _held_by(tree: Tree, link: str) -> str:
-    """Return the uppermost body that fixed joints alone connect with the link."""
-    body = next((frame.body for frame in tree.frames if frame.name == link), link)
-    while (joint := tree.joint_above.get(body)) is not None and joint.kind == "fixed":
-        body = joint.parent
-    return body
 
 
 def _figures(stood: Stood) -> dict[str, object]:

@@ -16,7 +16,7 @@ REFUSED = Rule(
     "urdf.refused",
     "error",
     "urdfdom refuses the written URDF, and with it ROS, MoveIt and pinocchio",
-    "report it: this is a bug",
+    "this is a fault of assetbuild: please report it with the recipe",
 )
 
 
@@ -40,8 +40,7 @@ class UrdfLoads(Check):
         joints, message = loaded(files.inputs / "urdf" / f"{self.robot}.urdf")
         write_figures(files, {"joints": joints})
         if joints is None:
-            hint = "this is a fault of assetbuild: please report it with the recipe"
-            yield REFUSED("robot", f"urdfdom does not read the URDF: {message}", hint)
+            yield REFUSED("robot", f"urdfdom does not read the URDF: {message}")
 
 
 def loaded(path: Path) -> tuple[int | None, str]:

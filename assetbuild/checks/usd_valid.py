@@ -112,7 +112,7 @@ def _prims(path: Path, *, whole: bool) -> Iterator[Finding]:
 
     whole: the asset itself, which states its bounds and has variants.
     """
-    from pxr import Tf, Usd
+    from pxr import Tf, Usd, UsdGeom
 
     try:
         stage = Usd.Stage.Open(str(path))
@@ -122,15 +122,9 @@ def _prims(path: Path, *, whole: bool) -> Iterator[Finding]:
         if not prim.IsDefined():
             yield UNDEFINED(f"prim {prim.GetPath()}", f"`{path.name}` speaks of it alone")
     yield from _extents(stage)
-    if whole:
-        yield from _bounds(stage)
-        yield from _engines(stage)
-
-
-def _bounds(stage: Usd.Stage) -> Iterator[Finding]:
-    """Those of the asset, by which viewers frame it and libraries list it."""
-    from pxr import Usd, UsdGeom
-
+    if not whole:
+        return
+    # The asset's bounds, by which viewers frame it and libraries list it.
     robot = UsdGeom.ModelAPI(stage.GetDefaultPrim())
     purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
@@ -141,10 +135,7 @@ def _bounds(stage: Usd.Stage) -> Iterator[Finding]:
     metadata = stage.GetRootLayer().customLayerData.get("SimReady_Metadata", {})
     if robot.GetExtentsHint() and "asset_extents" not in metadata:
         yield EXTENT(f"prim {robot.GetPath()}", "the asset's metadata lack `asset_extents`")
-
-
-def _engines(stage: Usd.Stage) -> Iterator[Finding]:
-    """Schemas of engines in each variant of `Physics`."""
+    # Schemas of engines in each variant of `Physics`.
     root = stage.GetDefaultPrim()
     stage.SetEditTarget(stage.GetSessionLayer())
     for variant, expected in ENGINES.items() if root.HasVariantSets() else ():

@@ -10,7 +10,6 @@ from dataclasses import replace
 from assetbuild.cli.build import build_and_print, requests_of
 from assetbuild.cli.summary import shown_figures
 from assetbuild.engine.world import World
-from assetbuild.errors import MachineError
 from assetbuild.pipeline.building import check_name, check_of, check_requests
 from assetbuild.report.document import Report
 
@@ -22,7 +21,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_requests(requests)
     if not _agreed(environments_to_make(consumers), arguments.yes):
         return 2
-    make_environments(consumers)
+    for consumer in consumers:
+        check_of(consumer).home.make(lambda line: print(line, file=sys.stderr))
     outcomes = build_and_print(requests, World())
     reports = [outcome.report for outcome in outcomes if outcome.report is not None]
     for report in reports:
@@ -57,18 +57,8 @@ def environments_to_make(consumers: Sequence[str]) -> list[str]:
         f"{name} needs an environment of its own, made once: {home.size or 'size unknown'}, "
         f"in {home.folder}"
         for name, home in homes
-        if home.requirements and home.python(World()) is None
+        if home.python(World()) is None
     ]
-
-
-def make_environments(consumers: Sequence[str]) -> None:
-    """Make those that pip can make. MachineError where one cannot be had."""
-    for consumer in consumers:
-        check = check_of(consumer)
-        if check.home.requirements:
-            check.home.make(lambda line: print(line, file=sys.stderr))
-        elif check.home.python(World()) is None:
-            raise MachineError(f"{consumer} is not installed here", hint=check.absent())
 
 
 def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import FactCollector, Key, Table, pair_name
 from assetbuild.robot.model import MjcfOnly
-from assetbuild.simulators.mujoco import Model, body_names, caught_warnings
+from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mj
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -161,11 +161,9 @@ class MjcfReader(Reader):
         return self._read(path, None, visuals=True)
 
     def _read(self, path: Path, opaque: Opaque | None, *, visuals: bool) -> Table:
-        import mujoco
-
         with caught_warnings():
             try:
-                spec = mujoco.MjSpec.from_file(str(path))
+                spec = mj.MjSpec.from_file(str(path))
                 spec.compiler.discardvisual |= not visuals
                 return compiled_facts(spec.compile(), opaque)
             except ValueError as error:

@@ -11,7 +11,7 @@ import numpy as np
 from assetbuild.facts.table import Key, Value
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.pose import IDENTITY, Pose
-from assetbuild.simulators.mujoco import Model, actuators, name_of
+from assetbuild.simulators.mujoco import Model, actuators, mj, name_of
 
 BESIDE = (
     ("body", "body", "gravcomp"),
@@ -71,9 +71,7 @@ def fields(model: Model, elements: Collection[tuple[str, str]]) -> dict[Key, Val
 @functools.cache
 def _blank() -> Model:
     """A model in which everything is as MuJoCo has it by itself."""
-    import mujoco
-
-    return mujoco.MjModel.from_xml_string(BLANK)
+    return mj.MjModel.from_xml_string(BLANK)
 
 
 def _stated(model: Model, prefix: str, word: str) -> Iterator[tuple[str, Value]]:
@@ -142,9 +140,7 @@ class Bodies:
 
 def _between(model: Model) -> Iterator[tuple[Key, Value]]:
     """Names of what an equality holds, an actuator drives, a tendon runs over, a pair joins."""
-    import mujoco
-
-    kinds = mujoco.mjtObj
+    kinds = mj.mjtObj
     of_trn = {0: kinds.mjOBJ_JOINT, 1: kinds.mjOBJ_JOINT, 2: kinds.mjOBJ_SITE,
               3: kinds.mjOBJ_TENDON, 4: kinds.mjOBJ_SITE, 5: kinds.mjOBJ_BODY}  # fmt: skip
     of_eq = {2: kinds.mjOBJ_JOINT, 3: kinds.mjOBJ_TENDON}
@@ -171,11 +167,9 @@ def _between(model: Model) -> Iterator[tuple[Key, Value]]:
 
 def _wrap(model: Model, wrap: int) -> str:
     """`joint knee 2.0`, `site hook`, `geom drum beside`."""
-    import mujoco
-
-    kind = mujoco.mjtWrap(int(model.wrap_type[wrap])).name.removeprefix("mjWRAP_").lower()
+    kind = mj.mjtWrap(int(model.wrap_type[wrap])).name.removeprefix("mjWRAP_").lower()
     number, index = float(model.wrap_prm[wrap]), int(model.wrap_objid[wrap])
-    objects = mujoco.mjtObj
+    objects = mj.mjtObj
     match kind:
         case "joint":
             return f"joint {name_of(model, 'joint', index)} {number!r}"
@@ -189,12 +183,10 @@ def _wrap(model: Model, wrap: int) -> str:
 
 def _named(model: Model, ends: Collection[tuple[int, float]]) -> tuple[str, ...]:
     """`site hook` of each; what is not there is left out."""
-    import mujoco
-
     kinds = {int(kind): name.removeprefix("mjOBJ_").lower()
-             for name, kind in mujoco.mjtObj.__members__.items()}  # fmt: skip
+             for name, kind in mj.mjtObj.__members__.items()}  # fmt: skip
     return tuple(
-        f"{kinds[int(kind)]} {mujoco.mj_id2name(model, int(kind), int(index)) or int(index)}"
+        f"{kinds[int(kind)]} {mj.mj_id2name(model, int(kind), int(index)) or int(index)}"
         for kind, index in ends
         if index >= 0
     )

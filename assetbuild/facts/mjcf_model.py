@@ -21,7 +21,7 @@ from assetbuild.facts.mjcf_parts import (
 )
 from assetbuild.facts.table import FactCollector, Value, pair_name
 from assetbuild.robot.inertia import tensor_of
-from assetbuild.simulators.mujoco import Model, floats, inertia_of, name_of, turning
+from assetbuild.simulators.mujoco import Model, floats, inertia_of, mj, name_of, turning
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.simulators.mujoco.pairs import touching_geoms
@@ -180,12 +180,10 @@ def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
 
 def general_text(model: Model, index: int) -> str:
     """The parameters of a general actuator, as JSON."""
-    import mujoco
-
     kinds = [
-        mujoco.mjtDyn(int(model.actuator_dyntype[index])).name,
-        mujoco.mjtGain(int(model.actuator_gaintype[index])).name,
-        mujoco.mjtBias(int(model.actuator_biastype[index])).name,
+        mj.mjtDyn(int(model.actuator_dyntype[index])).name,
+        mj.mjtGain(int(model.actuator_gaintype[index])).name,
+        mj.mjtBias(int(model.actuator_biastype[index])).name,
     ]
     rows = (model.actuator_dynprm, model.actuator_gainprm, model.actuator_biasprm)
     return json.dumps(
@@ -265,11 +263,9 @@ def _site(bodies: Bodies, site: int, collector: FactCollector) -> None:
 
 
 def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
-    import mujoco
-
     model, body = bodies.model, int(bodies.model.geom_bodyid[geom])
     group = int(model.geom_group[geom])
-    kind = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+    kind = mj.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
     role = GROUPS.get(group, f"group {group}")
     pose = bodies.placed(body) @ pose_of(model.geom_pos[geom], model.geom_quat[geom])
     facts: dict[str, Value] = {

@@ -14,7 +14,7 @@ from assetbuild.facts.mjcf_fields import Bodies, numbers
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import FactCollector, Value
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators.mujoco import Model, floats, name_of
+from assetbuild.simulators.mujoco import Model, floats, mj, name_of
 from assetbuild.simulators.mujoco.drives import Drive
 
 
@@ -78,11 +78,9 @@ OBJECTS = {
 
 def read_senses(bodies: Bodies, facts: FactCollector) -> None:
     """Sensors and cameras."""
-    import mujoco
-
     model = bodies.model
     for sensor in range(model.nsensor):
-        kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
+        kind = mj.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
         facts.put(
             "sensor",
             name_of(model, "sensor", sensor),
@@ -100,7 +98,7 @@ def read_senses(bodies: Bodies, facts: FactCollector) -> None:
     for camera in range(model.ncam):
         body = int(model.cam_bodyid[camera])
         pose = bodies.placed(body) @ pose_of(model.cam_pos[camera], model.cam_quat[camera])
-        mode = mujoco.mjtCamLight(int(model.cam_mode[camera])).name
+        mode = mj.mjtCamLight(int(model.cam_mode[camera])).name
         facts.put(
             "camera",
             name_of(model, "camera", camera),
@@ -116,13 +114,11 @@ def read_senses(bodies: Bodies, facts: FactCollector) -> None:
 
 def _object(model: Model, sensor: int, side: str) -> str:
     """What a sensor looks at ("obj"), or in whose frame ("ref")."""
-    import mujoco
-
-    kind = mujoco.mjtObj(int(getattr(model, f"sensor_{side}type")[sensor]))
+    kind = mj.mjtObj(int(getattr(model, f"sensor_{side}type")[sensor]))
     index = int(getattr(model, f"sensor_{side}id")[sensor])
     if index < 0 or kind.name not in OBJECTS:
         return ""
-    name = str(mujoco.mj_id2name(model, int(kind), index) or index)
+    name = str(mj.mj_id2name(model, int(kind), index) or index)
     return "world" if name == "world" else f"{OBJECTS[kind.name]} {name}"
 
 
@@ -148,11 +144,9 @@ def read_keyframe(
 
 def simulation_facts(option: Any) -> dict[str, Value]:  # Any: MuJoCo's MjOption
     """What a model steps with."""
-    import mujoco
-
-    integrator = mujoco.mjtIntegrator(int(option.integrator)).name.removeprefix("mjINT_")
-    cone = mujoco.mjtCone(int(option.cone)).name.removeprefix("mjCONE_").lower()
-    solver = mujoco.mjtSolver(int(option.solver)).name.removeprefix("mjSOL_")
+    integrator = mj.mjtIntegrator(int(option.integrator)).name.removeprefix("mjINT_")
+    cone = mj.mjtCone(int(option.cone)).name.removeprefix("mjCONE_").lower()
+    solver = mj.mjtSolver(int(option.solver)).name.removeprefix("mjSOL_")
     words = {"EULER": "Euler", "NEWTON": "Newton", "RK4": "RK4", "CG": "CG", "PGS": "PGS"}
     return {
         "timestep": float(option.timestep),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +65,10 @@ class Reference:
 
     links: Tree
     tree: Tree
-    shapes: Shapes
-    control: Control
-    assets: Assets
-    options: Mapping[str, Any]  # Any: plain JSON
+    shapes: Shapes = field(default_factory=Shapes)
+    control: Control = field(default_factory=Control)
+    assets: Assets = field(default_factory=Assets)
+    options: Mapping[str, Any] = field(default_factory=dict)  # Any: plain JSON
 
     @classmethod
     def of_ports(cls, folder: Path, options: Mapping[str, Any]) -> Reference:  # Any: as above

@@ -14,6 +14,7 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
+from assetbuild.simulators.mujoco import mj
 
 HEAVY, RAD_S = 1e3, 100.0
 """Inertia of the driven joints, in those of the robot; of their drives."""
@@ -60,19 +61,17 @@ class Moving:
 
 def on_moving_base(text: str) -> tuple[Any, Moving]:  # Any: mujoco.MjModel
     """The MJCF of a robot on a fixed root, on six driven joints instead."""
-    import mujoco
-
-    spec = mujoco.MjSpec.from_string(text)
+    spec = mj.MjSpec.from_string(text)
     root = spec.worldbody.first_body()
     if not root.explicitinertial:  # the drives carry it, whatever it weighs
         root.explicitinertial, root.mass, root.inertia = True, LIGHT, (LIGHT, LIGHT, LIGHT)
-    kinds = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    kinds = (mj.mjtJoint.mjJNT_SLIDE, mj.mjtJoint.mjJNT_HINGE)
     names: list[str] = []
     for kind, axes in zip(kinds, AXES, strict=True):
         for axis in axes:
             names.append(f"assetbuild_base_{len(names)}")
             root.add_joint(name=names[-1], type=kind, axis=axis)
-            spec.add_actuator(name=names[-1], target=names[-1], trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            spec.add_actuator(name=names[-1], target=names[-1], trntype=mj.mjtTrn.mjTRN_JOINT)
     model = spec.compile()
     joints = [model.joint(name) for name in names]
     moving = Moving(
@@ -85,16 +84,14 @@ def on_moving_base(text: str) -> tuple[Any, Moving]:  # Any: mujoco.MjModel
 
 
 def _drive(model: Any, moving: Moving) -> None:  # Any: as above
-    import mujoco
-
     mass = float(np.sum(model.body_mass))
     reach = max(1.0, float(np.max(np.abs(model.body_pos))) * 3.0)
     heavy = HEAVY * mass * reach**2
     for dof, drive in zip(moving.dof, moving.drive, strict=True):
         model.dof_armature[dof] = heavy
         model.dof_damping[dof] = model.dof_frictionloss[dof] = 0.0
-        model.actuator_gaintype[drive] = int(mujoco.mjtGain.mjGAIN_FIXED)
-        model.actuator_biastype[drive] = int(mujoco.mjtBias.mjBIAS_AFFINE)
+        model.actuator_gaintype[drive] = int(mj.mjtGain.mjGAIN_FIXED)
+        model.actuator_biastype[drive] = int(mj.mjtBias.mjBIAS_AFFINE)
         model.actuator_gainprm[drive, 0] = heavy * RAD_S**2
         model.actuator_biasprm[drive, :3] = 0.0, -heavy * RAD_S**2, -2.0 * heavy * RAD_S
         model.actuator_forcelimited[drive] = 0

@@ -27,7 +27,7 @@ from assetbuild.rendering.studio import (
 )
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import Data, Model
+from assetbuild.simulators.mujoco import Data, Model, mj
 
 LONG, SHORT = 1600, 1200
 """Pixels of the sides of a picture."""
@@ -144,8 +144,6 @@ class Stage:
 
     def _painted(self, colour: Callable[[int], Rgba | None]) -> Paint:
         """The robot's geometry, each in the colour for its number; None = not drawn at all."""
-        import mujoco as mj
-
         of_geom, of_joint = mj.mjtObj.mjOBJ_GEOM.value, mj.mjtObj.mjOBJ_JOINT.value
 
         def paint(drawn: Any) -> None:  # Any: mjvGeom

@@ -17,13 +17,11 @@ from assetbuild.facts.compare import EXACT, FLOAT32, Precision
 from assetbuild.facts.plain_yaml import leaves
 from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.readings import readings_table
-from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import usable_plugins
 from assetbuild.report.bundle import files_of
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control
-from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 from assetbuild.source.urdf.read_urdf import without_meshes
@@ -206,8 +204,7 @@ def _merged_urdf(path: Path) -> Table:
     if links.root == "world":  # what is fixed to the world is merged into it
         links = replace(links, base="fixed")
     tree = merge_fixed_joints(links, True, ())[0]
-    reference = Reference(links, tree, Shapes(), Control(), Assets(), {})
-    return robot_table(reference)
+    return robot_table(Reference(links, tree))
 
 
 def readings(path: Path) -> tuple[Table, str]:

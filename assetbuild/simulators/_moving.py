@@ -27,7 +27,7 @@ def perform(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     if not run["steps"] or run.get("reads"):
         result["held"] = world.held()
     if run["pilot"]:
-        result["motion"] = piloted(world, run)
+        piloted(world, run)
     elif run["steps"]:
         result["motion"] = moved(world, run)
     return result
@@ -48,7 +48,11 @@ def moved(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     world.start(run["start"])
     for step in range(run["steps"] + 1):
         if step:
-            world.command(*(now(run[word], step) for word in ("targets", "speeds")))
+            targets, speeds = (
+                {name: row[step - 1] for name, row in run[word].items() if step <= len(row)}
+                for word in ("targets", "speeds")
+            )
+            world.command(targets, speeds)
             if course:
                 world.push(course["table"][step - 1], course["force"][step - 1])
             world.step(run["dt"])
@@ -69,8 +73,8 @@ def moved(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     return track
 
 
-def piloted(world: Any, run: dict[str, Any]) -> dict[str, Any]:
-    """Motion that somebody at the other end of a socket commands; the track is its end alone.
+def piloted(world: Any, run: dict[str, Any]) -> None:
+    """Motion that somebody at the other end of a socket commands, who alone sees it.
 
     Each line that comes is {"targets": rad or m by joint, "steps": n}; each line that goes has the
     root's pose and the joints before the last of these steps, and after it. The end of the lines
@@ -95,17 +99,6 @@ def piloted(world: Any, run: dict[str, Any]) -> dict[str, Any]:
                     before = world.look() if step == asked["steps"] - 1 else before
                     world.step(run["dt"])
                 after = world.look()
-    root, centre, joints, _ = after
-    track = {"time": [0.0], "root": [[float(v) for v in root]], "seen": [], "finite": True}
-    return track | {
-        "com": [[float(v) for v in centre]],
-        "joints": {n: [q] for n, q in joints.items()},
-    }
-
-
-def now(rows: dict[str, list[float]], step: int) -> dict[str, float]:
-    """What is asked for before a step, where anything new is."""
-    return {name: row[step - 1] for name, row in rows.items() if step <= len(row)}
 
 
 def into(pose: Any, point: Any) -> list[float]:

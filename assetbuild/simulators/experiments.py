@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -64,12 +64,12 @@ class Sine:
     seconds: float = 3.0
     speeds: frozenset[str] = frozenset()
 
-    def target(self, joint: str, time: float) -> float:
-        """What the drive is asked for at `time`: rad or m, of `speeds` rad/s or m/s."""
-        omega = 2.0 * math.pi * self.frequency_hz
-        if joint in self.speeds:
-            return self.swing[joint] * omega * math.cos(omega * time)
-        return self.middle[joint] + self.swing[joint] * math.sin(omega * time)
+    def commands(self, steps: int, dt: float) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return the positions and speeds by joint that drives are asked for in each step."""
+        omega, times = 2.0 * math.pi * self.frequency_hz, dt * np.arange(1.0, steps + 1.0)
+        wave, rate = np.sin(omega * times), omega * np.cos(omega * times)
+        positions = {name: q + self.swing[name] * wave for name, q in self.middle.items()}
+        return positions, {name: self.swing[name] * rate for name in sorted(self.speeds)}
 
 
 @dataclass(frozen=True)
@@ -148,6 +148,7 @@ class Experiment:
     """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
 
     start: joint positions, rad or m; joints without one stay where the asset puts them.
+    sine: without joints there is none.
     pilot: a socket whose other end looks and commands until it has seen enough: see `_moving`.
     """
 
@@ -156,37 +157,50 @@ class Experiment:
     steps: int = 0
     every: int = 1
     start: Mapping[str, float] | None = None
-    sine: Sine | None = None
+    sine: Sine = Sine({}, {})
     course: Course | None = None
     pilot: str = ""
 
 
+@dataclass(frozen=True)
+class StageNames:
+    """The robot's names by prim path below `/World/robot`, and which joints are angles."""
+
+    bodies: Mapping[str, str]
+    joints: Mapping[str, str]
+    angular: frozenset[str]
+
+
+def plain(control: Control) -> Setting:
+    """Return the setting of the asset alone, as the recipe has it simulated."""
+    return Setting(control.simulation.timestep, control.simulation.gravity)
+
+
 def load(control: Control) -> Experiment:
     """What the simulator holds of the robot."""
-    return Experiment("load", Setting(control.simulation.timestep, control.simulation.gravity))
+    return Experiment("load", plain(control))
 
 
 def drop(control: Control, seconds: float) -> Experiment:
     """The robot falls without contacts; only the end is seen."""
-    dt = control.simulation.timestep
-    setting = Setting(dt, control.simulation.gravity, contacts=False)
-    steps = max(1, round(seconds / dt))
+    setting = replace(plain(control), contacts=False)
+    steps = max(1, round(seconds / setting.timestep))
     return Experiment("fall", setting, steps=steps, every=steps)
 
 
-def standing(tree: Tree, control: Control) -> Setting:
+def standing(tree: Tree, control: Control, raised_m: float = 0.0) -> Setting:
     """The initial pose on a floor, a hair above it, with servos for laws outside of the engine.
 
     A sole that starts inside of the floor by the smallest amount is thrown out in the first step.
     """
-    simulation, start = control.simulation, initial_pose(tree, control)
+    start = initial_pose(tree, control)
     base = start.base or IDENTITY
     x, y, z = base.xyz
-    return Setting(
-        simulation.timestep,
-        simulation.gravity,
-        at=Pose((x, y, z + CLEARANCE_M), base.quat),
+    return replace(
+        plain(control),
+        at=Pose((x, y, z + CLEARANCE_M + raised_m), base.quat),
         keyframe=start.name,
+        raised_m=raised_m,
         floor_friction=control.contact.friction[0],
         drives=servos(control),
     )

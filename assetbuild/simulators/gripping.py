@@ -9,17 +9,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, Self
 
+import numpy as np
 from pydantic import Field
 
-from assetbuild.engine.step import Files
+from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.recipe_types import Model, Positive
+from assetbuild.robot.pose import Array, Pose, quat_of, vec3
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import SimulatorCheck
-from assetbuild.simulators.mujoco.grip import Grip, Try, hands_of, tries_of, with_object
-from assetbuild.simulators.mujoco.hands import Hand
+from assetbuild.simulators.experiments import (
+    Course,
+    Experiment,
+    Gripped,
+    Outcome,
+    Setting,
+    SimulatorCheck,
+)
+from assetbuild.simulators.mujoco import grip
+from assetbuild.simulators.mujoco.grip import Grip, Place, Try, hands_of, tries_of, with_object
+from assetbuild.simulators.mujoco.hands import Hand, at_pose
 
 LEAST_KG = 0.005
 """Less is not tried for a hand that drops what it should hold."""
@@ -154,3 +164,88 @@ def _words(one: Grip) -> str:
     place = one.place
     object_ = f"a {place.shape} of {1e3 * place.width_m:.3g} mm and {one.mass:.3g} kg"
     return f"{object_} {one.failure or did}"
+
+
+# --- in engines that read USD --------------------------------------------------------------------
+
+
+SAMPLE_S = 0.1
+
+
+class StageGripping(GripCheck):
+    """Does what `grip` does in MuJoCo, whose model says where objects lie and how the hand closes.
+
+    All but the fingers is locked, and the object alone is shaken.
+    """
+
+    usual_s = 60.0
+    needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
+    limits: ClassVar[Limits] = Limits(wall_s=1200.0, memory_mb=16384)
+
+    def grips(
+        self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]
+    ) -> Sequence[Grip]:
+        """All in one process. Of a side, it is seen from the body against which it moved least."""
+        experiments = [
+            _experiment(str(index), model, hand, place, mass)
+            for index, (place, mass) in enumerate(tries)
+        ]
+        done = self.perform(inputs, experiments)
+        return [
+            _grip(done[experiment.name], hand, place, mass)
+            for experiment, (place, mass) in zip(experiments, tries, strict=True)
+        ]
+
+
+def _experiment(
+    name: str, model: mujoco.Model, hand: Hand, place: Place, mass: float
+) -> Experiment:
+    pose, step = hand.poses[place.start], float(model.opt.timestep)
+    R, at = np.eye(3), np.zeros(3)  # from MuJoCo's world into that of the stage
+    if mujoco.floats(model):  # which holds a floating base at its origin
+        data = at_pose(model, pose)
+        R = data.xmat[1].reshape(3, 3).T
+        at = -R @ data.xpos[1]
+    times: Array = step * np.arange(round(grip.TOTAL_S / step) + 1.0)
+
+    table = grip.table_at(place, times) @ R.T + at
+    quat = quat_of(R @ place.R)
+    joints = mujoco.joints(model)
+    positions = {name: float(pose[model.jnt_qposadr[joint]]) for name, joint in joints.items()}
+    gripped = Gripped(
+        place.shape,
+        vec3(2.0 * grip.half_size(place.shape, place.width_m)),
+        mass,
+        vec3(grip.inertia_of(place.shape, place.width_m, mass)),
+        grip.FRICTION,
+        Pose(vec3(R @ place.xyz + at), quat),
+        Pose(vec3(table[0]), quat),
+    )
+    setting = Setting(
+        step,
+        vec3(grip.G * R @ place.down),
+        "held" if mujoco.floats(model) else "asset",
+        locked={name: positions[name] for name in joints if joints[name] not in hand.fingers},
+        gripped=gripped,
+        solver=mujoco.contact_solver(model),
+    )
+    targets = grip.closing(hand, place, times)
+    course = Course(
+        {drive.joint_name: targets[:, i] for i, drive in enumerate(hand.drives)},
+        table,
+        mass * grip.shaking(place, times) @ R.T,
+        tuple(mujoco.name_of(model, "body", body) for side in hand.sides for body in side),
+    )
+    every = max(1, round(SAMPLE_S / step))
+    return Experiment(name, setting, len(times) - 1, every, positions, course=course)
+
+
+def _grip(outcome: Outcome, hand: Hand, place: Place, mass: float) -> Grip:
+    motion = outcome.motion
+    if motion is None or motion.seen is None or not outcome.finite:
+        return Grip(place, mass, np.inf, np.inf, None, held=False, failure=outcome.failure)
+    times = (grip.CLOSE_S, grip.CLOSE_S + grip.LIFT_S, motion.time[-1])
+    seen = motion.seen[np.searchsorted(motion.time, np.array(times) - SAMPLE_S / 2.0)]
+    moved, one = np.linalg.norm(np.diff(seen, axis=0), axis=2), len(hand.sides[0])
+    seat, slip = (float(row[:one].min() + row[one:].min()) / 2.0 for row in moved)
+    return Grip(place, mass, slip, seat, None, held=seat + slip < grip.LIFT_M / 2.0)

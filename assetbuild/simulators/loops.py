@@ -23,9 +23,9 @@ from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators.experiments import (
     Experiment,
     Outcome,
-    Setting,
     SimulatorCheck,
     Sine,
+    plain,
     sine_of,
     swing,
 )
@@ -78,19 +78,25 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Experiment:
     free = {name for name in robot.joints if robot.column(name) in chosen}
     leading = free & (driven if driven & chain & free else driven | chain)
     felt = felt_inertia(control.loops, robot)
+    rate = 2.0 * math.pi * SERVO_HZ
     servos, table = {}, {row.joint: row for row in control.actuators}
     for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
         row = table.get(name) or Actuator(name, "passive")
-        servos[name] = _servo(row, felt[name]) if name in leading else Actuator(name, "pd")
+        # The drive itself where it holds a position, else a critically damped servo.
+        servos[name] = Actuator(name, "pd")
+        if name in leading and row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
+            servos[name] = Actuator(name, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
+        elif name in leading:
+            inertia = felt[name] if math.isfinite(felt[name]) else 1.0  # of a joint that loops lock
+            servos[name] = Actuator(name, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
         table[name] = replace(servos[name], velocity=row.velocity)
     made = sine_of(
         tree, replace(control, actuators=tuple(table.values())), home, wish.frequency, wish.seconds
     )
     wide = {name: width if name in leading else 0.0 for name, width in made.swing.items()}
-    setting = Setting(
-        control.simulation.timestep,
-        control.simulation.gravity,
-        "held" if tree.base == "floating" else "asset",
+    setting = replace(
+        plain(control),
+        base="held" if tree.base == "floating" else "asset",
         contacts=False,
         limited=False,
         drives=servos,
@@ -123,15 +129,6 @@ def _balls(tree: Tree) -> list[str]:
 def _chain(tree: Tree, control: Control) -> set[str]:
     """The joints of all loops."""
     return {joint.name for loop in control.loops for joint in path_of(tree, loop)}
-
-
-def _servo(row: Actuator, inertia: float) -> Actuator:
-    """The drive itself where it holds a position, else a critically damped servo."""
-    if row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
-        return Actuator(row.joint, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
-    rate = 2.0 * math.pi * SERVO_HZ
-    inertia = inertia if math.isfinite(inertia) else 1.0  # of a joint that the loops lock
-    return Actuator(row.joint, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
 
 
 def _closable(
@@ -184,15 +181,15 @@ class LoopCheck(SimulatorCheck):
         """Reads the robot and the simulator's file."""
         robot = RobotFiles(files.inputs)
         tree, control = robot.tree, robot.control
-        balls, reason = _balls(tree), "" if control.loops else "the robot has no loops"
-        if balls and control.loops:
-            hint = "the edit `split_joint` makes hinges"
-            reason = f"a loop runs over ball joint `{balls[0]}`; {hint}"
+        reason = "" if control.loops else "the robot has no loops"
+        if control.loops and (balls := _balls(tree)):
+            reason = (
+                f"a loop runs over ball joint `{balls[0]}`; the edit `split_joint` makes hinges"
+            )
         if reason:
             write_figures(files, {"skipped": reason})
             return
         asked = trial(tree, control, self.wish)
-        assert asked.sine is not None  # noqa: S101 # made so
         done = self.perform(files.inputs, (asked,))[asked.name]
         worst = opened(tree, control, done)
         gaps_known = {name: known(gap) for name, gap in worst.items()}

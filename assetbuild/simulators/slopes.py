@@ -20,11 +20,10 @@ from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Experiment, Motion, SimulatorCheck, standing
 from assetbuild.simulators.mujoco.drives import servoed
-from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, SLOW, Creep, Ground, creep
+from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, SLOW, Slope, creep
 
 REST_S, WATCH_S = 2.0, 2.0
 """What swings comes to rest, then it is watched."""
@@ -51,19 +50,28 @@ class SlopeCheck(SimulatorCheck):
 
     wish: SlopeWish = SlopeWish()
 
-    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
+    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Slope | str:
         """How fast it slides, or why nothing can be said."""
         tree, control = robot.tree, robot.control
-        in_mujoco = creep(servoed(model, control), self.wish.share, self.wish.speed)
-        if isinstance(in_mujoco, str):
-            return in_mujoco
-        ground = in_mujoco.ground
+        slope = creep(servoed(model, control), self.wish.share, self.wish.speed)
+        if isinstance(slope, str):
+            return slope
+        start, ground = dict(initial_pose(tree, control).joints), standing(tree, control)
+        ground = replace(
+            ground,
+            slippery=slope.friction / slope.stated,
+            solver=mujoco.contact_solver(model),
+        )
+        g, step = math.dist(ground.gravity, (0.0, 0.0, 0.0)), ground.timestep
+        down, up = g * math.sin(slope.angle), g * math.cos(slope.angle)
+        steps, every = round((REST_S + WATCH_S) / step), max(1, round(0.1 / step))
         asked = [
-            _experiment(name, tree, control, ground, mujoco.contact_solver(model)) for name in WAYS
+            Experiment(way, replace(ground, gravity=(down * x, down * y, -up)), steps, every, start)
+            for way, (x, y) in WAYS.items()
         ]
         done = self.perform(inputs, asked)
         speeds = [_speed(done[way].motion, np.array(down)) for way, down in WAYS.items()]
-        return Creep(ground, ground.scale * max(speeds))
+        return replace(slope, speed=slope.scale * max(speeds))
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and the simulator's scene."""
@@ -77,8 +85,8 @@ class SlopeCheck(SimulatorCheck):
                 continue
             stood = math.isfinite(sliding.speed)
             figures[target] = {
-                "angle_rad": sliding.ground.angle,
-                "friction": sliding.ground.friction,
+                "angle_rad": sliding.angle,
+                "friction": sliding.friction,
                 **({"speed_m_s": sliding.speed} if stood else {"skipped": "it falls"}),
             }
             if not sliding.speed <= limit:
@@ -90,23 +98,6 @@ class SlopeCheck(SimulatorCheck):
                     data={"speed_m_s": sliding.speed if stood else None, "limit_m_s": limit},
                 )
         write_figures(files, figures, {"speed_m_s": limit})
-
-
-def _experiment(
-    way: str, tree: Tree, control: Control, ground: Ground, solver: Mapping[str, object]
-) -> Experiment:
-    setting, start = standing(tree, control), dict(initial_pose(tree, control).joints)
-    g = math.dist(setting.gravity, (0.0, 0.0, 0.0))
-    x, y = (g * math.sin(ground.angle) * part for part in WAYS[way])
-    tilted = replace(
-        setting,
-        gravity=(x, y, -g * math.cos(ground.angle)),
-        slippery=ground.friction / ground.stated,
-        solver=solver,
-    )
-    steps = round((REST_S + WATCH_S) / setting.timestep)
-    every = max(1, round(0.1 / setting.timestep))
-    return Experiment(way, tilted, steps, every, start)
 
 
 def _speed(motion: Motion | None, down: np.ndarray) -> float:

@@ -54,12 +54,21 @@ def measure_speed(scene: Path) -> Speed:
         model = mujoco.without(whole, "ACTUATION")
         data = mujoco.at_key(model)
         self_contacts = mujoco.overlaps(model, data, "geom")
-        rates = [_rate(model) for _ in range(REPEATS)]
+        rates = []
+        for _ in range(REPEATS):
+            data, before = _moved(model), time.process_time()
+            mj.mj_step(model, data, STEPS)
+            rates.append(STEPS / max(time.process_time() - before, 1e-9))
         data, touching = _moved(model), 0
         for _ in range(STEPS):
             mj.mj_step(model, data)
             touching += data.ncon
-    sliding = creep(whole)
+    sliding, grips, wish = creep(whole), [], GripWish()
+    robots = [path for path in scene.parent.glob("*.xml") if not path.stem.startswith("scene")]
+    for robot in map(with_object, robots):
+        for hand in hands_of(robot, None):
+            grips += [grip(robot, hand, *one) for one in tries_of(robot, hand, wish.masses)]
+    good = sum(one.held and one.slip_m <= wish.slip for one in grips)
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,
@@ -67,26 +76,8 @@ def measure_speed(scene: Path) -> Speed:
         self_contacts=len(self_contacts),
         deepest_mm=1e3 * max(self_contacts.values(), default=0.0),
         creep_mm_s=None if isinstance(sliding, str) else 1e3 * sliding.speed,
-        held=_held(scene),
+        held=f"{good} of {len(grips)}" if grips else "",
     )
-
-
-def _rate(model: Model) -> float:
-    """Steps per second of CPU time."""
-    data, before = _moved(model), time.process_time()
-    mj.mj_step(model, data, STEPS)
-    return STEPS / max(time.process_time() - before, 1e-9)
-
-
-def _held(scene: Path) -> str:
-    """What the hands of the robot beside a scene hold."""
-    robots = [path for path in scene.parent.glob("*.xml") if not path.stem.startswith("scene")]
-    grips, wish = [], GripWish()
-    for model in map(with_object, robots):
-        for hand in hands_of(model, None):
-            grips += [grip(model, hand, *one) for one in tries_of(model, hand, wish.masses)]
-    good = sum(one.held and one.slip_m <= wish.slip for one in grips)
-    return f"{good} of {len(grips)}" if grips else ""
 
 
 def _moved(model: Model) -> Data:

@@ -6,19 +6,13 @@ Everything that an experiment changes is an opinion in the layer of this world, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
-from assetbuild.errors import StepError
-from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators.experiments import Gripped, Setting
-
-if TYPE_CHECKING:
-    from pxr import Usd
+from assetbuild.robot.pose import Pose
+from assetbuild.simulators.experiments import Gripped, Setting, StageNames
 
 ROBOT = "/World/robot"
 OBJECT, TABLE = "/World/object", "/World/table"
@@ -27,19 +21,8 @@ PLAY = 1e-5
 """rad or m, to both sides of a locked joint: MuJoCo takes no range without any."""
 
 
-@dataclass(frozen=True)
-class StageNames:
-    """The robot's names by prim path below `/World/robot`, and which joints are angles."""
-
-    bodies: Mapping[str, str]
-    joints: Mapping[str, str]
-    angular: frozenset[str]
-
-
 def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     """Write a stage that references `main`; returns whose prims are whose."""
-    from pxr import Usd, UsdGeom
-
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -48,10 +31,30 @@ def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     robot.GetPrim().GetReferences().AddReference(str(main))
     if setting.at is not None:
         _place(robot.GetPrim(), setting.at)
-    _define_scene(stage, setting)
+    gravity = np.asarray(setting.gravity)
+    strength = float(np.linalg.norm(gravity))
+    direction = gravity / strength if strength else np.array((0.0, 0.0, -1.0))
+    scene = UsdPhysics.Scene.Define(stage, "/World/scene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+    scene.CreateGravityMagnitudeAttr(strength)
+    steps = max(1, round(1.0 / setting.timestep))
+    _foreign(
+        scene.GetPrim(),
+        "PhysxSceneAPI",
+        {
+            "physxScene:enableGPUDynamics": ("Bool", False),
+            "physxScene:broadphaseType": ("Token", "MBP"),
+            "physxScene:solverType": ("Token", "TGS"),
+            "physxScene:timeStepsPerSecond": ("UInt", steps),
+        },
+    )
     names = _names(stage)
     if setting.floor_friction is not None:
-        _define_floor(stage, setting.floor_friction * setting.slippery)
+        floor = UsdGeom.Plane.Define(stage, "/World/floor")
+        floor.CreateAxisAttr(UsdGeom.Tokens.z)
+        floor.CreateWidthAttr(FLOOR_M)
+        floor.CreateLengthAttr(FLOOR_M)
+        _make_solid(stage, floor.GetPrim(), setting.floor_friction * setting.slippery)
     if setting.base == "held":
         _hold_base(stage)
     if setting.gripped is not None:
@@ -62,23 +65,7 @@ def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     return names
 
 
-def root_pose(main: Path, link: str) -> Pose:
-    """X_world_link of a link where the asset puts it."""
-    from pxr import Usd, UsdGeom
-
-    stage = Usd.Stage.Open(str(main))
-    for prim in stage.Traverse():
-        if str(prim.GetMetadata("displayName") or prim.GetName()) == link:
-            placed = UsdGeom.XformCache().GetLocalToWorldTransform(prim)
-            turn = placed.ExtractRotationQuat()
-            quat = (turn.GetReal(), *turn.GetImaginary())
-            return Pose(vec3(placed.ExtractTranslation()), normalised_quat(quat))
-    raise StepError(f"{main.name} has no link `{link}`")
-
-
 def _names(stage: Usd.Stage) -> StageNames:
-    from pxr import Usd, UsdPhysics
-
     bodies, joints, angular = {}, {}, set()
     for prim in Usd.PrimRange(stage.GetPrimAtPath(ROBOT)):
         name = str(prim.GetMetadata("displayName") or prim.GetName())
@@ -92,14 +79,10 @@ def _names(stage: Usd.Stage) -> StageNames:
 
 
 def _closes_loop(prim: Usd.Prim) -> bool:
-    from pxr import UsdPhysics
-
     return bool(UsdPhysics.Joint(prim).GetExcludeFromArticulationAttr().Get())
 
 
 def _place(prim: Usd.Prim, pose: Pose) -> None:
-    from pxr import Gf, UsdGeom
-
     form = UsdGeom.Xformable(prim)
     form.ClearXformOpOrder()
     w, x, y, z = pose.quat
@@ -107,41 +90,8 @@ def _place(prim: Usd.Prim, pose: Pose) -> None:
     form.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
 
 
-def _define_scene(stage: Usd.Stage, setting: Setting) -> None:
-    from pxr import Gf, UsdPhysics
-
-    gravity = np.asarray(setting.gravity)
-    strength = float(np.linalg.norm(gravity))
-    direction = gravity / strength if strength else np.array((0.0, 0.0, -1.0))
-    scene = UsdPhysics.Scene.Define(stage, "/World/scene")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
-    scene.CreateGravityMagnitudeAttr(strength)
-    _foreign(
-        scene.GetPrim(),
-        "PhysxSceneAPI",
-        {
-            "physxScene:enableGPUDynamics": ("Bool", False),
-            "physxScene:broadphaseType": ("Token", "MBP"),
-            "physxScene:solverType": ("Token", "TGS"),
-            "physxScene:timeStepsPerSecond": ("UInt", max(1, round(1.0 / setting.timestep))),
-        },
-    )
-
-
-def _define_floor(stage: Usd.Stage, friction: float) -> None:
-    from pxr import UsdGeom
-
-    floor = UsdGeom.Plane.Define(stage, "/World/floor")
-    floor.CreateAxisAttr(UsdGeom.Tokens.z)
-    floor.CreateWidthAttr(FLOOR_M)
-    floor.CreateLengthAttr(FLOOR_M)
-    _make_solid(stage, floor.GetPrim(), friction)
-
-
 def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:
     """Make a shape touch things, with a material of its own; returns the material."""
-    from pxr import UsdPhysics, UsdShade
-
     material = UsdShade.Material.Define(stage, f"{prim.GetPath()}_material")
     surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
     surface.CreateStaticFrictionAttr(friction)
@@ -156,8 +106,6 @@ def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:
 
 def _define_object(stage: Usd.Stage, gripped: Gripped, names: StageNames) -> None:
     """The object and the table below it alone; the robot gets the object's friction too."""
-    from pxr import Gf, UsdGeom, UsdPhysics
-
     kind = {"cube": UsdGeom.Cube, "cylinder": UsdGeom.Cylinder, "sphere": UsdGeom.Sphere}
     solid = kind[gripped.shape].Define(stage, OBJECT)
     if gripped.shape == "cube":
@@ -195,8 +143,6 @@ def _hold_base(stage: Usd.Stage) -> None:
 
     On the link itself, with a joint beside it, PhysX would let the base drift.
     """
-    from pxr import Usd, UsdPhysics
-
     roots = [
         prim
         for prim in Usd.PrimRange(stage.GetPrimAtPath(ROBOT))
@@ -219,8 +165,6 @@ def _hold_base(stage: Usd.Stage) -> None:
 
 
 def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
-    from pxr import Sdf, UsdPhysics
-
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
     if prim.HasAPI(UsdPhysics.MaterialAPI):
@@ -259,8 +203,6 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
 
 
 def _foreign(prim: Usd.Prim, schema: str, values: dict[str, tuple[str, object]]) -> None:
-    from pxr import Sdf
-
     prim.AddAppliedSchema(schema)
     for name, (kind, value) in values.items():
         value_type = getattr(Sdf.ValueTypeNames, kind)

@@ -7,7 +7,6 @@ the engine holds (a run without steps) or with where it moved.
 from __future__ import annotations
 
 import json
-import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -16,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Sine
-from assetbuild.simulators.stage_world import StageNames, write_world
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, StageNames
 
 TURN = 0.5
 """rad or m; a position of joints at which their axes show."""
@@ -33,6 +32,8 @@ def perform_on_stages(
     copied: with its whole folder, as the inputs of a step must be: they are links into the store,
     and a resolver that follows them gets lost.
     """
+    from assetbuild.simulators.stage_world import write_world  # with OpenUSD
+
     with TemporaryDirectory(prefix="stages-") as temporary:
         folder = Path(temporary).resolve()
         asset = main.resolve()
@@ -69,17 +70,17 @@ def run_of(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, 
     """What a child does with a file; with the robot's names by those of the file."""
     dt, joints = experiment.setting.timestep, set(names.joints.values())
     start = {name: q for name, q in (experiment.start or {}).items() if name in joints}
-    course, speeds, pushed = experiment.course, dict[str, list[float]](), None
+    course, speeds, pushed = experiment.course, dict[str, Array](), None
     if course is not None:
         rows = {"table": course.table, "force": course.force}
         pushed = {word: row[1:].tolist() for word, row in rows.items()}
         pushed |= {"watched": list(course.watched)}
-        targets = {name: row[1:].tolist() for name, row in course.targets.items()}
-    elif experiment.sine is not None:
-        targets, speeds = _follow(experiment.sine, dt * np.arange(1, experiment.steps + 1))
+        targets = {name: row[1:] for name, row in course.targets.items()}
+    elif experiment.sine.middle:
+        targets, speeds = experiment.sine.commands(experiment.steps, dt)
     else:  # servos that the asset does not know have no target there: hold the start
         servos = experiment.setting.drives or {}
-        targets = {name: [q] for name, q in start.items() if name in servos}
+        targets = {name: np.array([q]) for name, q in start.items() if name in servos}
     return {
         "name": experiment.name,
         "stage": str(stage),
@@ -93,19 +94,11 @@ def run_of(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, 
         "angular": sorted(names.angular),
         "start": start,
         "turn": TURN,
-        "targets": {name: row for name, row in targets.items() if name in joints},
-        "speeds": {name: row for name, row in speeds.items() if name in joints},
+        "targets": {name: row.tolist() for name, row in targets.items() if name in joints},
+        "speeds": {name: row.tolist() for name, row in speeds.items() if name in joints},
         "course": pushed,
         "pilot": experiment.pilot,
     }
-
-
-def _follow(sine: Sine, times: np.ndarray) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
-    """(positions, speeds) of joints at these times."""
-    omega = 2.0 * math.pi * sine.frequency_hz
-    wave, rate = np.sin(omega * times), omega * np.cos(omega * times)
-    places = {name: (q + sine.swing[name] * wave).tolist() for name, q in sine.middle.items()}
-    return places, {name: (sine.swing[name] * rate).tolist() for name in sorted(sine.speeds)}
 
 
 def _outcome(result: dict[str, Any]) -> Outcome:  # Any: JSON

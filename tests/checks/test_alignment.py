@@ -17,12 +17,10 @@ from pxr import Usd, UsdPhysics
 from robot_files import models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
 
-from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
-from assetbuild.alignment.check import Compared, stand_rows
+from assetbuild.alignment.check import SAMPLE_S, Compared, experiments_of, into_stop, stand_rows
 from assetbuild.alignment.row import Row, findings_of
-from assetbuild.alignment.touching import touching_row
 from assetbuild.checks._newton import OFF as NEWTON_OFF
-from assetbuild.checks._newton import NewtonAlignment
+from assetbuild.checks._newton import NewtonAlignment, touching_row
 from assetbuild.checks._physx import OFF, Alignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
@@ -213,8 +211,9 @@ def past_upper(coarse: float, fine: float) -> Row:
     drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
     asked = experiments_of(tree, Control((drive,), ()), Swing())
     sine = asked["past_upper"].sine
-    assert sine is not None and joint.limits.upper is not None
-    assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
+    assert joint.limits.upper is not None
+    positions, _ = sine.commands(1, 0.25)
+    assert positions[joint.name][0] > joint.limits.upper > sine.middle[joint.name]
 
     def moved(past: float) -> Outcome:
         return Outcome(None, motion(joint.name, np.array([0.0, joint.limits.upper + past])))
@@ -275,11 +274,11 @@ def test_joints_of_a_loop_stay_where_it_is_closed_while_others_run_into_their_li
     rows = (*bar.control.actuators, Actuator("flag_joint", "pd", kp=20.0, kd=0.2))
     home = {joint.name: 0.1 for joint in bar.tree.moving_joints}
     sine = into_stop(tree, replace(bar.control, actuators=rows), home, "upper")
-    assert sine is not None
     assert {name for name, width in sine.swing.items() if width} == {"flag_joint"}
     assert {sine.middle[name] for name in home} == {0.1}
-    assert into_stop(bar.tree, bar.control, home, "upper") is None
-    assert into_stop(pendulum().tree, Control((), ()), {}, "lower") is None, "no drive"
+    undriven = into_stop(pendulum().tree, Control((), ()), {}, "lower")
+    for still in (into_stop(bar.tree, bar.control, home, "upper"), undriven):
+        assert not any(still.swing.values())
 
 
 def check_newton(folder: Path) -> tuple[list[Finding], list[dict[str, Any]]]:
@@ -339,10 +338,11 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
 def by_coulomb() -> np.ndarray:
     """Without inertia: kd dq/dt = kp (target - q) less the friction, and none below it."""
     dt, angle, out = 1e-4, 0.0, []
+    target = [SINE.middle["swing_joint"], *SINE.commands(30000, dt)[0]["swing_joint"]]
     for step in range(30001):
         if step % 10 == 0:
             out.append(angle)
-        torque = WRIST.kp * (SINE.target("swing_joint", step * dt) - angle)
+        torque = WRIST.kp * (target[step] - angle)
         angle += dt * np.sign(torque) * max(abs(torque) - WRIST.friction, 0.0) / WRIST.kd
     return np.array(out)
 

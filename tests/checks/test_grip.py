@@ -20,9 +20,8 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
-from assetbuild.simulators.gripping import GripWish
+from assetbuild.simulators.gripping import GripWish, StageGripping
 from assetbuild.simulators.newton import HOME
-from assetbuild.simulators.stage_grip import StageGripping
 
 PADS = 'priority="1" solref="0.004 1" solimp="0.95 0.99 0.001"'
 

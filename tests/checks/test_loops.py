@@ -74,7 +74,6 @@ def test_a_loop_that_the_usd_has_lost_opens_in_physx(is_lost: bool, tmp_path: Pa
 
 def motion(robot: TinyRobot, asked: Experiment, kind: str) -> Motion:
     """As a program answers that moves the crank; where nothing holds the loop, it alone."""
-    assert asked.sine is not None
     middle, swing = asked.sine.middle["crank_joint"], asked.sine.swing["crank_joint"]
     pose, tracks = dict(asked.start or {}), {name: [] for name in asked.start or {}}
     for share in (0.0, 0.5, 1.0):

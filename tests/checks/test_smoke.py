@@ -16,6 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from newton_child import readings
 from pxr import Usd
 from robot_files import models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped, with_mimic
@@ -35,7 +36,6 @@ from assetbuild.simulators import newton
 from assetbuild.simulators.children import ask
 from assetbuild.simulators.consumers import MADE, Environment, SmokeBounds
 from assetbuild.simulators.experiments import Outcome
-from assetbuild.simulators.newton._reading import readings
 from assetbuild.simulators.stages import answers
 from assetbuild.targets.mjlab import Mjlab
 

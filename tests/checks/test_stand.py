@@ -157,9 +157,9 @@ def stood(**values: object) -> Stood:
         **dict.fromkeys(("sag_m", "tilt_rad", "drift_m", "com_sag_m"), 0.0),
         **{name: {} for name in ("gap_m", "overlapping", "load")},
         "joint_sag": {"hip": 0.1},
-        **dict.fromkeys(("warnings", "touching", "touched", "slides"), ()),
-        **{"seconds": 2.0, "finite": True, "floats": True, "driven": True, "held": ("hip",)},
-        **{"height_m": 0.5, "com_height_m": 0.4},
+        **dict.fromkeys(("warnings", "touching", "touched"), ()),
+        **{"seconds": 2.0, "finite": True, "floats": True, "driven": True},
+        **{"worst_held": ("hip", 0.1, "rad"), "height_m": 0.5, "com_height_m": 0.4},
     }
     return Stood(**(base | values))  # type: ignore[arg-type] # each has its own type
 
@@ -169,7 +169,7 @@ def stood(**values: object) -> Stood:
     [
         ({}, "stands"),
         ({"driven": False}, "rests"),
-        ({"floats": False, "held": ()}, "rests"),
+        ({"floats": False, "worst_held": ("", 0.0, "rad")}, "rests"),
         ({"floats": False}, "holds"),
         ({"tilt_rad": 0.6}, "falls"),
         ({"finite": False}, "unstable"),

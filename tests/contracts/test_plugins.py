@@ -33,7 +33,7 @@ def test_what_each_is_told_are_keys_of_the_recipe():
         paths = [*plugin.sections, *([plugin.section] if plugin.keys() else [])]
         allowed = r"validate(\.\w+)?" if kind is Check else r"\w+"
         assert all(re.fullmatch(allowed, path) for path in paths), (name, paths)
-        assert set(plugin.sections.values()) <= set(plugin.model_fields), name
+        assert {*plugin.sections.values(), *plugin.derived} <= set(plugin.model_fields), name
 
 
 def test_the_name_of_each_is_its_file_s():

@@ -9,6 +9,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from newton_child import KINDS, plain
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.facts.compare import differences, equality_findings
@@ -29,7 +30,6 @@ from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose, quat_of
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.experiments import Motion, Outcome
-from assetbuild.simulators.newton._reading import KINDS, plain
 from assetbuild.simulators.physx.couplings import experiments, measured
 from assetbuild.simulators.stages import TURN
 
@@ -99,8 +99,8 @@ def test_a_motion_shows_kind_axis_and_anchor() -> None:
 def coupled(multiplier: float, offset: float) -> dict[str, Outcome]:
     """What the experiment shows under a coupling."""
     (experiment,) = experiments(LED.tree, LED.control)
-    assert experiment.sine is not None
-    lead = np.array([experiment.sine.target("FR_thigh_joint", t) for t in (0.0, 0.05, 0.1)])
+    positions, _ = experiment.sine.commands(2, 0.05)
+    lead = np.array([experiment.sine.middle["FR_thigh_joint"], *positions["FR_thigh_joint"]])
     joints = {"FR_thigh_joint": lead, "FR_calf_joint": multiplier * lead + offset}
     zeros = np.zeros((3, 3))
     motion = Motion(np.arange(3.0), joints, zeros, np.zeros((3, 4)), zeros)

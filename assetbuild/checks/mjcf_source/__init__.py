@@ -27,11 +27,11 @@ from assetbuild.facts.mjcf import MESHES
 from assetbuild.facts.table import Key, Table, Value, pair_of
 from assetbuild.facts.vocabulary import Comparison
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Check, RecipeView, write_figures
+from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import name_of
+from assetbuild.simulators.mujoco import mj, name_of
 
 LOAD = Rule(
     "equal.source.load", "error", "MuJoCo refuses our MJCF or the source's", "see `mjcf.load`"
@@ -47,15 +47,13 @@ _POLYGON = re.compile(rb"(?m)^f(?:[ \t]+\S+){5}")
 """A face of five corners or more."""
 
 
-class MjcfSource(Check):
+class MjcfSource(mujoco.WithMujoco):
     """Findings `equal.source.<what>`; all are errors and carry both values.
 
     What the recipe itself says (`stated`) is not compared here; the readers of
     facts compare it with the robot.
     """
 
-    isolated = True
-    preload = ("mujoco",)
     needs = ("mjcf", "source_mjcf")
     reads = ("tree.json",)
 
@@ -92,16 +90,19 @@ class MjcfSource(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""
-        import mujoco as mj
-
         tree, stated = RobotFiles(files.inputs).tree, frozenset(self.stated)
         flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
         rough = roughness(flat)
         # Without `ctrl` the source says 0; our drives hold the pose of the keyframe.
         silent = [key for key in flat.iterfind("keyframe/key") if not key.get("ctrl")]
         stated |= {f"commands {key.get('name')}" for key in silent}
-        if tree.root != "world":
-            _clear_scenery(flat)
+        world = flat.find("worldbody")
+        if tree.root != "world" and world is not None:
+            # Shapes of the world go: rangefinders see them, and the robot lies on them.
+            keys = ("geom", "geom1", "geom2", "objname", "refname")
+            named = {element.get(key) for element in flat.iter() for key in keys}
+            for geom in [g for g in world.iterfind("geom") if g.get("name") not in named]:
+                world.remove(geom)
         folder = files.inputs / "files"
         objects = {str(mesh.get("name")): _objects(mesh, folder) for mesh in flat.iter("mesh")}
         for name in [name for name, count in objects.items() if count > 1]:
@@ -143,8 +144,6 @@ def roughness(root: ElementTree.Element) -> Mapping[Comparison, float]:
     Before 4.0 it diagonalised a `fullinertia` to 3e-6 (measured in 3.11); we take the source's own
     numbers.
     """
-    import mujoco as mj
-
     full = any(inertial.get("fullinertia") for inertial in root.iter("inertial"))
     return {"tensor": 1e-5, "vector": 1e-5} if full and mj.__version__.startswith("3.") else {}
 
@@ -162,23 +161,11 @@ def _objects(mesh: ElementTree.Element, folder: Path) -> int:
     return count if count > 1 or _POLYGON.search(data) else 0
 
 
-def _clear_scenery(root: ElementTree.Element) -> None:
-    """Take away the shapes of the world: rangefinders see them, and the robot lies on them."""
-    keys = ("geom", "geom1", "geom2", "objname", "refname")
-    named = {element.get(key) for element in root.iter() for key in keys}
-    world = root.find("worldbody")
-    for geom in list(world.iterfind("geom")) if world is not None else ():
-        if world is not None and geom.get("name") not in named:
-            world.remove(geom)
-
-
 def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # Any: MjSpec
     """The source without its pictures and skins; ValueError when MuJoCo refuses it.
 
     A world that is the robot's root is a body of our MJCF, so its contents become one here too.
     """
-    import mujoco as mj
-
     for parent in list(root.iter()):
         for child in list(parent):
             hfield = child.tag == "geom" and child.get("type") == "hfield"

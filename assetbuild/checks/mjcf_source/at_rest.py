@@ -20,7 +20,7 @@ from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, vec3
-from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, name_of
+from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, mj, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.pairs import touching_geoms
 
@@ -55,11 +55,9 @@ class _InRoot(Bodies):
     """In the frame of the root, and by the name of the body that carries the joints above it."""
 
     def __init__(self, model: Model) -> None:
-        import mujoco
-
         super().__init__(model)
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
+        data = mj.MjData(model)
+        mj.mj_kinematics(model, data)
         X_world = [pose_of(data.xpos[i], data.xquat[i]) for i in range(model.nbody)]
         root = X_world[min(1, model.nbody - 1)].inverse()
         self._X_root: list[Pose] = [root @ X for X in X_world]
@@ -91,7 +89,10 @@ class _InRoot(Bodies):
 
 def read_side(spec: Any) -> Side:  # Any: MjSpec
     """Compile and read; MuJoCo's ValueError where it refuses."""
-    _fold_gravity(spec.option)
+    option, bit = spec.option, int(mj.mjtDisableBit.mjDSBL_GRAVITY)
+    if int(option.disableflags) & bit:  # gravity that a flag switches off is none
+        option.disableflags = int(option.disableflags) & ~bit
+        option.gravity = (0.0, 0.0, 0.0)
     model = spec.compile()
     bodies = _InRoot(model)
     table = compiled_facts(model, by_area=True, bodies=bodies)
@@ -122,44 +123,22 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
         facts[Key("pair", pair_name(*ends), "touches")] = True
     for key in [key for key in facts if key.kind == "shape" and key.quantity == "role"]:
         facts.setdefault(key._replace(quantity="rgba"), GREY)
-    facts |= dict(_commands(model, keys)) | dict(_watched_sites(model))
-    _count_from_rest(side)
-    return side
-
-
-def _fold_gravity(option: Any) -> None:  # Any: MuJoCo's option
-    """Gravity that a flag switches off is none: two ways to say one thing."""
-    import mujoco
-
-    bit = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    if int(option.disableflags) & bit:
-        option.disableflags = int(option.disableflags) & ~bit
-        option.gravity = (0.0, 0.0, 0.0)
-
-
-def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:
-    """Sensors of sites, which are no frames of bodies here."""
-    import mujoco
-
-    for index in range(model.nsensor):
-        name = name_of(model, "sensor", index)
+    for index in range(model.nsensor):  # those of sites, which are no frames of bodies here
         for word, kinds, ids in (
             ("object", model.sensor_objtype, model.sensor_objid),
             ("reference", model.sensor_reftype, model.sensor_refid),
         ):
-            if int(kinds[index]) == mujoco.mjtObj.mjOBJ_SITE:
-                yield Key("sensor", name, word), f"site {name_of(model, 'site', int(ids[index]))}"
-
-
-def _commands(model: Model, keys: set[str]) -> Iterator[tuple[Key, Value]]:
-    """Commands that keyframes give to actuators of tendons, sites and bodies."""
-    on_joints = {drive.index for drive in read_drives(model)}
-    for index in set(actuators(model)) - on_joints:
-        for key in range(model.nkey):
-            subject = f"{model.key(key).name}/{name_of(model, 'actuator', index)}"
-            if model.key(key).name in keys:
-                command = float(model.key_ctrl[key][first_command(model, index)])
-                yield Key("keyframe", subject, "mjcf:command"), command
+            if int(kinds[index]) == mj.mjtObj.mjOBJ_SITE:
+                watched = f"site {name_of(model, 'site', int(ids[index]))}"
+                facts[Key("sensor", name_of(model, "sensor", index), word)] = watched
+    # Commands that keyframes give to actuators of tendons, sites and bodies.
+    for index in set(actuators(model)) - {drive.index for drive in read_drives(model)}:
+        for pose in sorted(keys):
+            command = float(model.key(pose).ctrl[first_command(model, index)])
+            subject = f"{pose}/{name_of(model, 'actuator', index)}"
+            facts[Key("keyframe", subject, "mjcf:command")] = command
+    _count_from_rest(side)
+    return side
 
 
 def _count_from_rest(side: Side) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.plugin_types import RecipeView, write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.sections import Action
@@ -22,6 +22,7 @@ from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import ArenaFullError
 from assetbuild.simulators.mujoco import trials as experiments
 from assetbuild.simulators.mujoco.drives import servoed
+from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 from assetbuild.simulators.mujoco.stand import outcome_figures, stand
 
 SHOWN_PAIRS = 40
@@ -51,6 +52,12 @@ class Trials(mujoco.InMujoco):
         "balance, settling; null = do not run them"
     )
     recipe_fields: ClassVar[Mapping[str, str]] = {"action": "mjlab.action"}
+    derived: ClassVar = {
+        "alone": lambda recipe: recipe.value("validate.stand") is None,
+        "inherited": lambda recipe: (
+            recipe.value("source.mjcf") is not None and not recipe.value("actuators")
+        ),
+    }
 
     action: Action = Action()
     """What an untrained policy asks for, as mjlab's module has it."""
@@ -85,16 +92,6 @@ class Trials(mujoco.InMujoco):
     """Whether to leave the robot alone under its drives: not where `validate.stand` does."""
     inherited: bool = False
     """Whether the drives are those of the source's MJCF, whose forces `mjcf_source` compares."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """The check `stand` sees the robot fall where the recipe asks for it."""
-        values = super().values(recipe)
-        if values is None:
-            return None
-        inherited = recipe.value("source.mjcf") is not None and not recipe.value("actuators")
-        alone = recipe.value("validate.stand") is None
-        return values | {"alone": alone, "inherited": inherited}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
@@ -136,7 +133,11 @@ class Trials(mujoco.InMujoco):
         yield from self._numerics(model, figures)
         try:
             yield from self._overlaps(model, figures)
-            yield from self._on_floor(model, figures, model if alone is None else alone)
+            fall = list(self._left_alone(model if alone is None else alone, figures))
+            if model.nkey and mujoco.stands_free(model):
+                yield from self._balance(model, figures)
+                yield from self._dropped(model, figures, falls=bool(fall))
+            yield from fall
             yield from self._shaken(model, figures)
         except ArenaFullError as error:
             yield rules.MEMORY("robot", error.message)
@@ -149,7 +150,10 @@ class Trials(mujoco.InMujoco):
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         answers = experiments.answers(model)
-        figures["drives"] = [{"joint": joint, **a._asdict()} for joint, a in answers.items()]
+        figures["drives"] = [
+            {"joint": joint, "asked": asked, "moved": moved}
+            for joint, (asked, moved) in answers.items()
+        ]
         for joint, (asked, moved) in answers.items():
             if moved < min(self.min_response, 0.2 * asked):
                 origin = ", as in the source's own MJCF" if self.inherited else ""
@@ -222,23 +226,12 @@ class Trials(mujoco.InMujoco):
                     data={"depth_m": depth, "limit_m": START_M},
                     blocks=depth > START_M,
                 )
-        if free and not experiments.touches_floors(model):
+        floors, able = set(mujoco.floors(model)), (*touching_geoms(model), *explicit_pairs(model))
+        if free and not any(floors & set(pair) for pair in able):
             yield rules.NOTHING_TOUCHES(
                 "robot",
                 "it floats, and none of its shapes can touch the floor: it falls through",
-                hint="give it collision shapes; where it never lands, state that in `rules: "
-                '{trials.nothing_touches: {severity: info, because: "..."}}`',
             )
-
-    def _on_floor(
-        self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model
-    ) -> Iterator[Finding]:
-        """Balanced, dropped, and left alone at its first keyframe."""
-        fall = list(self._left_alone(alone, figures))
-        if model.nkey and mujoco.stands_free(model):
-            yield from self._balance(model, figures)
-            yield from self._dropped(model, figures, falls=bool(fall))
-        yield from fall
 
     def _balance(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         under = experiments.support(model)
@@ -256,25 +249,18 @@ class Trials(mujoco.InMujoco):
     ) -> Iterator[Finding]:
         """falls: it falls by itself, so that it also lies, rolls and moves after a drop."""
         settled = experiments.settle(model, self.drop)
-        values = settled.speed, settled.penetration_m, settled.drift_m
-        names = "fastest_joint", "deepest_contact_m", "drift_m"
-        shown = zip(names, values if settled.finite else (None,) * 3, strict=True)
-        figures["settle"] = {"finite": settled.finite, **dict(shown)}
-        if not settled.finite:
+        unknown = dict.fromkeys(experiments.SETTLED)
+        figures["settle"] = {"finite": settled is not None, **(settled or unknown)}
+        if settled is None:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        for rule, value, limit, what, unit in (
-            (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
-            (
-                rules.SUNK,
-                settled.penetration_m,
-                self.penetration,
-                "a contact still penetrates",
-                "m",
-            ),
-            (rules.DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
+        for rule, name, limit, what, unit in (
+            (rules.RESTLESS, "fastest_joint", self.speed, "its fastest joint moves at", "rad/s"),
+            (rules.SUNK, "deepest_contact_m", self.penetration, "a contact still penetrates", "m"),
+            (rules.DRIFT, "drift_m", self.drift, "in 1000 steps its base wandered", "m"),
         ):
+            value = settled[name]
             if value > limit:
                 size = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
                 yield rule(
@@ -305,23 +291,19 @@ class Trials(mujoco.InMujoco):
 
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Does it bear what an untrained policy asks of it?"""
-        outcome = experiments.shake(model, self.action)
-        if outcome is None:
+        shaken = experiments.shake(model, self.action)
+        if shaken is None:
             return
-        unstable = outcome.seconds is not None
-        fastest = None if unstable else outcome.fastest
-        shown = {"seconds": outcome.seconds, "joint": outcome.joint, "fastest_joint": fastest}
-        figures["shake"] = shown
-        if not unstable:
-            return
-        yield rules.SHAKEN(
-            f"joint {outcome.joint}",
-            "an untrained policy's random targets drive the simulation to infinity after "
-            f"{outcome.seconds:.2g} s, this joint foremost",
-            hint="a smaller `simulation.timestep`, the rotors' real armature, smaller kp, or an "
-            "`effort` that is no placeholder",
-            data={"seconds": outcome.seconds},
-        )
+        seconds, joint, speed = shaken
+        fastest = speed if seconds is None else None
+        figures["shake"] = {"seconds": seconds, "joint": joint, "fastest_joint": fastest}
+        if seconds is not None:
+            yield rules.SHAKEN(
+                f"joint {joint}",
+                "an untrained policy's random targets drive the simulation to infinity after "
+                f"{seconds:.2g} s, this joint foremost",
+                data={"seconds": seconds},
+            )
 
 
 def _or_unstable(value: float) -> float | str:

@@ -93,12 +93,14 @@ NOTHING_TOUCHES = Rule(
     "trials.nothing_touches",
     "warning",
     "the robot floats and none of its shapes can touch a floor, so it is not ready",
-    "give it collision shapes; where it never touches a floor, waive the rule with the reason",
+    "give it collision shapes; where it never lands, state that in `rules: "
+    '{trials.nothing_touches: {severity: info, because: "..."}}`',
     blocks=True,
 )
 SHAKEN = Rule(
     "trials.random_targets_diverge",
     "error",
     "the random targets of an untrained policy drive the simulation to infinity",
-    "a smaller timestep, armature, smaller kp",
+    "a smaller `simulation.timestep`, the rotors' real armature, smaller kp, or an `effort` that "
+    "is no placeholder",
 )

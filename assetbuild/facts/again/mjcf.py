@@ -13,7 +13,7 @@ from assetbuild.facts.again.row import Row, groups
 from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
 from assetbuild.facts.again.xml import xml_tree
 from assetbuild.facts.mjcf_fields import CALLED, subjects
-from assetbuild.simulators.mujoco import Model
+from assetbuild.simulators.mujoco import Model, mj
 
 PREFIXES = (
     "body jnt geom site cam light mesh hfield tex mat pair exclude eq tendon actuator sensor "
@@ -35,14 +35,12 @@ Fields = dict[str, Any]
 
 def mjcf_rows(again: Path, there: Path) -> list[Row]:
     """What two models say differently. Both lie among the same meshes and included files."""
-    import mujoco
-
     text = tree_rows(xml_tree(again), xml_tree(there))
     try:
-        after = mujoco.MjModel.from_xml_path(str(there))
+        after = mj.MjModel.from_xml_path(str(there))
     except ValueError:
         return text
-    compiled = _model_rows(mujoco.MjModel.from_xml_path(str(again)), after)
+    compiled = _model_rows(mj.MjModel.from_xml_path(str(again)), after)
     if not compiled or not text or len(groups(text)) > len(groups(compiled)):
         return compiled
     return [named for row in text for named in _with_subjects(row, compiled)]

@@ -54,11 +54,16 @@ def body_names(tree: Tree) -> dict[str, str]:
     return names
 
 
-class InMujoco(Check):
-    """Base of the checks that simulate the MJCF."""
+class WithMujoco(Check):
+    """Base of the checks that look at compiled models."""
 
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+
+
+class InMujoco(WithMujoco):
+    """Base of the checks that simulate the MJCF."""
+
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     engines: ClassVar[tuple[str, ...]] = ("mujoco",)
 
@@ -206,28 +211,20 @@ def at_key(model: Model, key: int | None = None) -> Data:
     data = mj.MjData(model)
     if key is None and model.nkey:  # `home`, else the first
         key = max(int(mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, "home")), 0)
-    if key is None:
-        _stand_within_limits(model, data)
-    else:
+    if key is not None:
         mj.mj_resetDataKeyframe(model, data, key)
+    else:  # as near to zero as the limits allow; followers there, and position servos hold it
+        turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
+        limited = np.flatnonzero(turning & (model.jnt_limited != 0))
+        at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
+        data.qpos[at] = np.clip(data.qpos[at], lower, upper)
+        follow(model, data)
+        mj.mj_forward(model, data)
+        gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
+        servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
+        data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
     mj.mj_forward(model, data)
     return data
-
-
-def _stand_within_limits(model: Model, data: Data) -> None:
-    """Every joint as near to its zero as its limits allow, and those that follow others there.
-
-    Position servos hold that pose.
-    """
-    turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
-    limited = np.flatnonzero(turning & (model.jnt_limited != 0))
-    at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
-    data.qpos[at] = np.clip(data.qpos[at], lower, upper)
-    follow(model, data)
-    mj.mj_forward(model, data)
-    gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
-    servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
-    data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
 
 
 def follow(model: Model, data: Data) -> None:
@@ -301,28 +298,20 @@ def stands_free(model: Model) -> bool:
     return floats(model) and bool(floors(model))
 
 
-def free_joints(model: Model) -> list[int]:
-    """Joints by which bodies float."""
-    return np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE).tolist()
-
-
 def raise_base(model: Model, data: Data, height_m: float) -> None:
     """Lift what floats; call before the next step."""
-    for joint in free_joints(model):
-        data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
+    data.qpos[model.jnt_qposadr[model.jnt_type == mj.mjtJoint.mjJNT_FREE] + 2] += height_m
 
 
 def hold_base(model: Model) -> None:
     """A floating base with the inertia of a hill, of a model that may be changed: see `HELD_KG`."""
-    for joint in free_joints(model):
-        first = int(model.jnt_dofadr[joint])
-        model.dof_armature[first : first + 6] = HELD_KG
+    free = np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE)
+    model.dof_armature[np.isin(model.dof_jntid, free)] = HELD_KG
 
 
 def held_but(model: Model, joints: Collection[int]) -> None:
     """Likewise hold everything still but these hinges and slides."""
-    moving = [int(model.jnt_dofadr[joint]) for joint in joints]
-    model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = HELD_KG
+    model.dof_armature[~np.isin(model.dof_jntid, [*joints])] = HELD_KG
 
 
 def above(model: Model, body: int) -> set[int]:

@@ -12,7 +12,7 @@ import copy
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
@@ -21,6 +21,7 @@ from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
+Number = TypeVar("Number", float, Array)
 Range = tuple[float, float]
 """(lower, upper); infinite where nothing limits."""
 UNLIMITED: Range = (-math.inf, math.inf)
@@ -63,7 +64,7 @@ class Drive:
         """Whether a constant command pulls the joint to one position; a growing one, further."""
         return self.is_affine and self.kp > 0.0 and self.gain * self.gear > 0.0
 
-    def command(self, position: float) -> float:
+    def command(self, position: Number) -> Number:
         """The command at which a drive that holds positions is at rest at `position`."""
         return (self.kp * position - self.constant) / self.gain
 

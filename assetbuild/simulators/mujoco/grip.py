@@ -205,24 +205,19 @@ def _room(
     depth = deepest + BEYOND_M - half_size(shape, width)[2] + out
     middle = hand.tips[index] + (depth - hand.tips[index] @ along) * along
     places = middle + np.linspace(-ASIDE, ASIDE, PLACES)[:, None] * width * across
-    touched = ""
+    touched = ""  # of each place a side's number, `x` for both or other bodies, `-` for nothing
     for xyz in places:
         _put(model, data, xyz, R)
         mj.mj_kinematics(model, data)
         mj.mj_collision(model, data)
-        touched += _touched(model, data, hand)
+        bodies = {body for _, body in _contacts(model, data, deeper_than=0.0)}
+        ours = [str(number) for number, side in enumerate(hand.sides) if bodies <= set(side)]
+        touched += "-" if not bodies else ours[0] if ours else "x"
     between = re.search(r"0(-+)1", touched)
     if between is None:
         return None
     start = max(0, index - round(OPEN * len(hand.poses)))
     return Place(shape, width, start, places[sum(between.span(1)) // 2], R)
-
-
-def _touched(model: Model, data: Data, hand: Hand) -> str:
-    """What the object lies in: a side by its number, `x` for both or other bodies, `-`: nothing."""
-    bodies = {body for _, body in _contacts(model, data, deeper_than=0.0)}
-    sides = [str(number) for number, side in enumerate(hand.sides) if bodies <= set(side)]
-    return sides[0] if bodies and sides else "x" if bodies else "-"
 
 
 # --- how it is held -----------------------------------------------------------------------------
@@ -233,7 +228,15 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
 
     model: of `with_object`. mass: kg.
     """
-    model = _loaded(model, hand, place, mass)
+    # A copy with this object, in which nothing but the fingers moves.
+    model, body = mujoco.without(model), int(model.body(OBJECT).id)
+    _resize(model, place.shape, place.width_m)
+    model.body_mass[body] = mass
+    model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
+    mj.mj_setConst(model, mj.MjData(model))
+    mujoco.held_but(model, hand.fingers)
+    fingers = solid_geoms(model, [body for side in hand.sides for body in side])
+    model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
     step = float(model.opt.timestep)
     data = mujoco.at_key(model)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
@@ -255,7 +258,9 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
         mj.mj_step(model, data)
         if looks and time >= looks[0]:
             looks.pop(0)
-            pressing = pressing or _pressing(model, data, hand)
+            if not pressing:  # the body of each side that presses most
+                by_body = _forces(model, data)
+                pressing = [max(side, key=lambda b: by_body.get(b, 0.0)) for side in hand.sides]
             seen.append(_seen_from(data, pressing))
         if time > TOTAL_S - 1.0:
             by_body = _forces(model, data)
@@ -266,19 +271,6 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     one, other = (float(force) for force in np.mean(forces, axis=0))
     held = bool(mujoco.is_finite(data) and not fell and min(one, other) > 0.0)
     return Grip(place, mass, float(slip), float(seat), (one, other), held)
-
-
-def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
-    """A copy with this object, in which nothing but the fingers moves."""
-    model, body = mujoco.without(model), int(model.body(OBJECT).id)
-    _resize(model, place.shape, place.width_m)
-    model.body_mass[body] = mass
-    model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
-    mj.mj_setConst(model, mj.MjData(model))
-    mujoco.held_but(model, hand.fingers)
-    fingers = solid_geoms(model, [body for side in hand.sides for body in side])
-    model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
-    return model
 
 
 def closing(hand: Hand, place: Place, times: Array) -> Array:
@@ -330,12 +322,6 @@ def _forces(model: Model, data: Data) -> dict[int, float]:
         mj.mj_contactForce(model, data, index, force)
         sums[body] = sums.get(body, 0.0) + float(force[0])
     return sums
-
-
-def _pressing(model: Model, data: Data, hand: Hand) -> list[int]:
-    """The body of each side that presses most on the object."""
-    forces = _forces(model, data)
-    return [max(side, key=lambda body: forces.get(body, 0.0)) for side in hand.sides]
 
 
 def _seen_from(data: Data, bodies: Sequence[int]) -> Array:

@@ -210,7 +210,13 @@ def _hand(
     ):
         return None
     ways = one - base, other - base
-    along = _along(np.array(states[0].xmat[palm]).reshape(3, 3).T, *ways)
+    # Between both fingers, or along an axis of the palm where it is nearly that.
+    middle = _unit(_unit(ways[0]) + _unit(ways[1]))
+    axes = np.array(states[0].xmat[palm]).reshape(3, 3).T
+    axes = np.concatenate([axes, -axes])
+    nearest = axes[np.argmax(middle @ axes.T, axis=1)]
+    straight = np.sum(nearest * middle, axis=1, keepdims=True) > math.cos(SKEW)
+    along = np.where(straight, nearest, middle)
     gap = ways[1] - ways[0]
     gap = np.where(np.linalg.norm(gap, axis=1, keepdims=True) > 2e-3, gap, gap[0])
     across = _unit(gap - np.sum(gap * along, axis=1, keepdims=True) * along)
@@ -293,18 +299,6 @@ def _stands_on(model: Model, data: Data, sides: Sequence[Collection[int]]) -> bo
 
     ground = lowest(mujoco.below(model, int(model.jnt_bodyid[0])))
     return any(lowest(side) < ground + TIP_M for side in sides)
-
-
-def _along(axes: Array, one: Array, other: Array) -> Array:
-    """(n, 3) directions between both fingers: an axis of the palm where it is nearly that.
-
-    axes: (3, 3) of the palm as rows; one, other: (n, 3) fingertips from where the fingers begin.
-    """
-    axes = np.concatenate([axes, -axes])
-    ways = _unit(_unit(one) + _unit(other))
-    nearest = axes[np.argmax(ways @ axes.T, axis=1)]
-    straight = np.sum(nearest * ways, axis=1, keepdims=True) > math.cos(SKEW)
-    return np.where(straight, nearest, ways)
 
 
 def _unit(ways: Array) -> Array:

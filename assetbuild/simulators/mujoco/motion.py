@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
@@ -19,10 +18,9 @@ from assetbuild.simulators.experiments import (
     Outcome,
     Setting,
     SimulatorCheck,
-    Sine,
 )
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import Drive, aim, drive_as, read_drives
+from assetbuild.simulators.mujoco.drives import aim, drive_as, read_drives
 
 HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
@@ -50,13 +48,22 @@ def perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
     try:
         if not asked.steps:
             return Outcome(mujoco.load(path).model, None)
-        if sine is None:
+        if not sine.middle:
             model = mujoco.load(path, visuals=False).model
         else:
             model = held_model(path, () if setting.other_drives else servos)
         drive_as(model, servos, others=setting.other_drives)
-        _surround(model, setting, drives=sine is not None or setting.contacts)
-        return _track(model, _started(model, asked, servos), asked)
+        _surround(model, setting, drives=bool(sine.middle) or setting.contacts)
+        if sine.middle:
+            data = mj.MjData(model)
+            for name, position in (asked.start or {}).items():
+                data.qpos[int(model.joint(name).qposadr[0])] = position
+        else:  # in the keyframe, or the initial pose
+            key = setting.keyframe
+            data = mujoco.at_key(model, model.key(key).id if key else None)
+            mujoco.raise_base(model, data, setting.raised_m)
+            aim(model, data, servos)  # servos of ours, which it has no controls for, hold it
+        return _track(model, data, asked)
     except StepError as error:
         return Outcome(None, None, error.message)
 
@@ -85,46 +92,29 @@ def _surround(model: Model, setting: Setting, *, drives: bool) -> None:
             field[:] = 0
 
 
-def _started(model: Model, asked: Experiment, servos: Mapping[str, Actuator]) -> Data:
-    """At `start`, without one in the keyframe or the initial pose.
-
-    Of a keyframe, which knows no controls for servos of ours, they hold the positions.
-    """
-    if asked.sine is not None:
-        data = mj.MjData(model)
-        for name, position in (asked.start or {}).items():
-            data.qpos[int(model.joint(name).qposadr[0])] = position
-        return data
-    key = asked.setting.keyframe
-    data = mujoco.at_key(model, model.key(key).id if key else None)
-    mujoco.raise_base(model, data, asked.setting.raised_m)
-    aim(model, data, servos)
-    return data
-
-
 def held_model(path: Path, driven: Collection[str] = ()) -> Model:
     """The robot of an MJCF file with its floating base bolted to the origin; no keyframes.
 
     The joint goes: a huge inertia on it instead would cost the constraints of light fingers the
     solver's digits. driven: joints that get a drive where they have none, for `drive_as`.
     """
-    spec = mj.MjSpec.from_file(str(path))
-    spec.compiler.discardvisual = True
-    free = [joint for joint in spec.joints if joint.type == mj.mjtJoint.mjJNT_FREE]
-    for joint in free:
-        joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-        # Parent and child never collide, unless the parent stands still: as this one now does.
-        still, moving = _held_together(joint.parent, joint)
-        for one, other in itertools.product(still, moving):
-            spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
-    for gone in (*free, *spec.keys):
-        spec.delete(gone)
-    of_joints = [a for a in spec.actuators if a.trntype == mj.mjtTrn.mjTRN_JOINT]
-    for joint in set(driven) - {str(actuator.target) for actuator in of_joints}:
-        made = spec.add_actuator(name=f"{joint} servo", target=joint)
-        made.trntype = mj.mjtTrn.mjTRN_JOINT
-    with mujoco.caught_warnings():
-        return spec.compile()
+
+    def hold(spec: Any) -> None:  # Any: MuJoCo's MjSpec
+        free = [joint for joint in spec.joints if joint.type == mj.mjtJoint.mjJNT_FREE]
+        for joint in free:
+            joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+            # Parent and child never collide, unless the parent stands still: as this one now does.
+            still, moving = _held_together(joint.parent, joint)
+            for one, other in itertools.product(still, moving):
+                spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
+        for gone in (*free, *spec.keys):
+            spec.delete(gone)
+        of_joints = [a for a in spec.actuators if a.trntype == mj.mjtTrn.mjTRN_JOINT]
+        for joint in set(driven) - {str(actuator.target) for actuator in of_joints}:
+            made = spec.add_actuator(name=f"{joint} servo", target=joint)
+            made.trntype = mj.mjtTrn.mjTRN_JOINT
+
+    return mujoco.load(path, visuals=False, change=hold).model
 
 
 def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
@@ -144,14 +134,21 @@ def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
 
 def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     """The motion from here on, under the commands of a sine."""
-    sine, dt, touched = asked.sine or Sine({}, {}), float(model.opt.timestep), False
+    sine, dt, touched = asked.sine, float(model.opt.timestep), False
     rows = list[tuple[Array, ...]]()
-    drives = [drive for drive in read_drives(model) if drive.joint_name in sine.middle]
+    positions, speeds = sine.commands(asked.steps, dt)
+    commands = dict[int, Array]()
+    for drive in read_drives(model):
+        if drive.joint_name in speeds:
+            commands[drive.ctrl_index] = drive.kd * speeds[drive.joint_name] / drive.gain
+        elif drive.joint_name in positions and drive.holds_position:
+            commands[drive.ctrl_index] = drive.command(positions[drive.joint_name])
     with mujoco.caught_warnings():
         mj.mj_forward(model, data)
         for step in range(asked.steps + 1):
             if step:
-                _command(data, drives, sine, step * dt)
+                for place, row in commands.items():
+                    data.ctrl[place] = row[step - 1]
                 mj.mj_step(model, data)
                 touched = touched or data.ncon > 0
             if step % asked.every == 0 or step == asked.steps:
@@ -163,12 +160,3 @@ def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     joints = {name: q[:, model.jnt_qposadr[j]] for name, j in mujoco.joints(model).items()}
     failure = "" if mujoco.is_finite(data) else "the simulation became unstable"
     return Outcome(None, Motion(time, joints, root, turn, com, touched), failure)
-
-
-def _command(data: Data, drives: Sequence[Drive], sine: Sine, time: float) -> None:
-    for drive in drives:
-        target = sine.target(drive.joint_name, time)
-        if drive.joint_name in sine.speeds:
-            data.ctrl[drive.ctrl_index] = drive.kd * target / drive.gain
-        elif drive.holds_position:
-            data.ctrl[drive.ctrl_index] = drive.command(target)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,71 +37,56 @@ FALLEN = 0.3
 
 
 @dataclass(frozen=True)
-class Ground:
-    """What a robot is to stand on.
+class Slope:
+    """What a robot stands on, and what it does there.
 
-    angle: of the slope, rad; friction: of the feet on it, lower than the stated one where the robot
-    would tip over. scale: how much more of the load friction would carry on the steep slope.
+    angle: rad; friction: of the feet on it, lower than the stated one where the robot would tip
+    over. scale: how much more of the load friction would carry on the steep slope.
+    speed: of what touches the floor, m/s, on the worse of a slope along x and one along y. On a
+    flatter slope it is scaled up with the load that friction would carry on the steep one.
     """
 
     angle: float
     friction: float
     stated: float
     scale: float
+    speed: float = math.nan
 
 
-@dataclass(frozen=True)
-class Creep:
-    """What a robot did on a slope.
-
-    speed: of what touches the floor, m/s, on the worse of a slope along x and one along y. On a
-    flatter slope it is scaled up with the load that friction would carry on the steep one.
-    """
-
-    ground: Ground
-    speed: float
-
-
-def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Creep | str:
+def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Slope | str:
     """How fast the initial pose of a scene slides on a slope; or why nothing can be said.
 
     share: of the angle of friction. limit: m/s; a robot that slides faster is tried on flatter
     slopes, where it slides as fast if its contacts are the cause, and rests if its drives are.
     """
-    steepest = ground_under(model, share)
+    steepest = slope_under(model, share)
     if isinstance(steepest, str):
         return steepest
     stood = []
     for part in FLATTER:
-        ground = ground_at(part * steepest.angle, steepest.stated, share)
-        speed = _speed(model, ground)
-        if math.isfinite(speed):
-            stood.append(Creep(ground, speed))
-        if speed <= limit:
+        slope = slope_at(part * steepest.angle, steepest.stated, share)
+        changed = mujoco.without(model)
+        changed.geom_friction[:, 0] *= slope.friction / slope.stated
+        changed.pair_friction[:, :2] *= slope.friction / slope.stated
+        with mujoco.caught_warnings():
+            speeds = [
+                _slide(changed, slope.angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))
+            ]
+        slope = replace(slope, speed=slope.scale * float(np.max(speeds)))  # nan if the robot fell
+        if math.isfinite(slope.speed):
+            stood.append(slope)
+        if slope.speed <= limit:
             break
     return min(stood, key=lambda one: one.speed, default="it falls")
 
 
-def _speed(model: Model, ground: Ground) -> float:
-    """Speed of the feet in m/s along x or y, whichever is faster; nan if the robot fell.
-
-    Scaled up with the load that friction would carry on the steep slope.
-    """
-    model = mujoco.without(model)
-    model.geom_friction[:, 0] *= ground.friction / ground.stated
-    model.pair_friction[:, :2] *= ground.friction / ground.stated
-    with mujoco.caught_warnings():
-        speeds = [_slide(model, ground.angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))]
-    return ground.scale * float(np.max(speeds))
-
-
-def ground_at(angle: float, friction: float, share: float) -> Ground:
+def slope_at(angle: float, friction: float, share: float) -> Slope:
     """A slope of `angle` rad with so little friction that it carries a share of what it can."""
     scale = math.sin(share * math.atan(friction)) / math.sin(angle)
-    return Ground(angle, math.tan(angle / share), friction, scale)
+    return Slope(angle, math.tan(angle / share), friction, scale)
 
 
-def ground_under(model: Model, share: float) -> Ground | str:
+def slope_under(model: Model, share: float) -> Slope | str:
     """The steepest slope that a robot may stand on without tipping over; or why there is none."""
     if not mujoco.stands_free(model):
         return "it does not stand on a floor"
@@ -117,13 +102,15 @@ def ground_under(model: Model, share: float) -> Ground | str:
             return "it does not touch the floor"
         if mu <= 0.0:
             return "its feet have no friction"
-        if any(_rolls(model, int(model.geom_bodyid[geom])) for _, geom in touching):
+        held = {drive.joint for drive in read_drives(model) if drive.holds_position}
+        turning = {int(model.jnt_bodyid[joint]) for joint in {*mujoco.turning(model)} - held}
+        if any(mujoco.above(model, model.geom_bodyid[geom]) & turning for _, geom in touching):
             return "it rolls"
         margin = support(model).margin_m
     if margin is None or margin <= 0.0:
         return "its centre of mass is not over its feet"
     lean = math.atan2(margin, float(start.subtree_com[0][2]))
-    return ground_at(min(share * math.atan(mu), LEAN * lean), mu, share)
+    return slope_at(min(share * math.atan(mu), LEAN * lean), mu, share)
 
 
 def _slide(model: Model, angle: float, down: Array) -> float:
@@ -163,10 +150,3 @@ def _sliding(model: Model, data: Data, down: Array) -> float:
     x, y, z = (data.contact.pos[contacts] - data.subtree_com[model.body_rootid[bodies]]).T
     along = down[0] * (vx + wy * z - wz * y) + down[1] * (vy + wz * x - wx * z)
     return float(along.sum()) / len(touching)
-
-
-def _rolls(model: Model, body: int) -> bool:
-    """Whether a joint above a body turns freely: nothing holds its position."""
-    held = {drive.joint for drive in read_drives(model) if drive.holds_position}
-    line, free = mujoco.above(model, body), {*mujoco.turning(model)} - held
-    return any(int(model.jnt_bodyid[joint]) in line for joint in free)

@@ -25,8 +25,8 @@ class Stand:
     touching, touched: geoms on the floor at the end, and at any time.
     overlapping: pairs of the robot's own geoms in contact at the start, with depth in m.
     joint_sag: target minus position at the end, rad or m; load: |torque| / effort at the end.
-    floats: whether its base is free; driven: whether it has actuators; held: joints whose drives
-    aim at a position; slides: joints in m.
+    floats: whether its base is free; driven: whether it has actuators; worst_held: of the joints
+    whose drives aim at a position, the one furthest from it at the end, how far, and the unit.
     com_height_m: of its centre of mass over the floor, at the start; com_sag_m: lower at the end.
     """
 
@@ -45,17 +45,9 @@ class Stand:
     load: Mapping[str, float]
     floats: bool
     driven: bool
-    held: tuple[str, ...]
-    slides: tuple[str, ...]
+    worst_held: tuple[str, float, str]
     com_height_m: float
     com_sag_m: float
-
-    @property
-    def worst_held(self) -> tuple[str, float, str]:
-        """The held joint furthest from its target at the end, how far, and the unit."""
-        off = {name: abs(self.joint_sag[name]) for name in self.held}
-        name, far = max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
-        return name, far, "m" if name in self.slides else "rad"
 
 
 FAR_M = 1e3
@@ -73,7 +65,8 @@ def outcome(stood: Stand, fall: float) -> Outcome:
     if not stood.finite:
         return "unstable"
     if not stood.floats:
-        return "rests" if not stood.held else "falls" if stood.worst_held[1] > fall else "holds"
+        joint, off, _ = stood.worst_held
+        return "rests" if not joint else "falls" if off > fall else "holds"
     # A base frame on the ground cannot sink, so the centre of mass counts besides.
     height = max(stood.height_m, stood.com_height_m)
     lower = stood.sag_m > fall * height or stood.com_sag_m > fall * stood.com_height_m
@@ -139,6 +132,10 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
         mj.mj_forward(model, data)
         finite = mujoco.is_finite(data)
     moved = np.array(data.xpos[base]) - at
+    sag = {name: float(target[q] - data.qpos[q]) for name, q in places.items()}
+    held = {d.joint_name for d in read_drives(model) if d.holds_position}
+    far, worst = max(((abs(sag[name]), name) for name in held), default=(0.0, ""))
+    unit = "m" if worst and int(model.jnt_type[joints[worst]]) == 2 else "rad"
     return Stand(
         seconds=float(data.time),
         finite=finite,
@@ -151,12 +148,11 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
         touching=tuple(sorted(_on_floor(model, data))),
         touched=tuple(sorted(touched)),
         overlapping=overlapping,
-        joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
+        joint_sag=sag,
         load=dict(_load(model, data, joints)),
         floats=mujoco.floats(model),
         driven=model.nu > 0,
-        held=tuple({d.joint_name: d for d in read_drives(model) if d.holds_position}),
-        slides=tuple(name for name, joint in joints.items() if int(model.jnt_type[joint]) == 2),
+        worst_held=(worst, far, unit),
         com_height_m=com,
         com_sag_m=com - float(data.subtree_com[base][2]),
     )

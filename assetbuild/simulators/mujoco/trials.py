@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -16,10 +15,9 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import Drive, read_drives, torque_on
-from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
+from assetbuild.simulators.mujoco.drives import read_drives, torque_on
 
-Name = TypeVar("Name", str, tuple[str, str])
+Depths = Mapping[tuple[str, str], float]
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is commanded to move its joint; less where the range is short."""
 FREQUENCY_HZ = 2.0
@@ -40,16 +38,10 @@ CONTROL_S, NOISE_S = 0.02, 5.0
 # --- drives -------------------------------------------------------------------------------------
 
 
-class Answer(NamedTuple):
-    """One joint told to swing by `asked`; it moved by `moved` at most, rad or m."""
-
-    asked: float
-    moved: float
-
-
-def answers(model: Model) -> Mapping[str, Answer]:
+def answers(model: Model) -> Mapping[str, tuple[float, float]]:
     """Each position servo in turn follows one period of a sine; base held, no gravity or contact.
 
+    Returns by joint how far it was told to swing and how far it moved at most, rad or m.
     A drive that moves its joint the wrong way, hardly or not at all is dead: a gain in other
     units, an effort limit of nothing, an axis of length zero.
     """
@@ -63,21 +55,18 @@ def answers(model: Model) -> Mapping[str, Answer]:
         led = model.eq_obj1id[coupled].tolist()
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
         for drive in read_drives(model):
-            if drive.holds_position and drive.joint not in led:
-                by_joint[drive.joint_name] = _answer(model, drive, steps)
+            if not drive.holds_position or drive.joint in led:
+                continue
+            data, asked = mujoco.at_key(model), _swing(model, drive.joint)
+            at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
+            start, moved = float(data.qpos[at]), 0.0
+            for step in range(steps):
+                wave = math.sin(2.0 * math.pi * (step + 1) / steps)
+                data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
+                mj.mj_step(model, data)
+                moved = max(moved, abs(float(data.qpos[at]) - start))
+            by_joint[drive.joint_name] = asked, moved
     return by_joint
-
-
-def _answer(model: Model, drive: Drive, steps: int) -> Answer:
-    data, asked = mujoco.at_key(model), _swing(model, drive.joint)
-    at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
-    start, moved = float(data.qpos[at]), 0.0
-    for step in range(steps):
-        wave = math.sin(2.0 * math.pi * (step + 1) / steps)
-        data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
-        mj.mj_step(model, data)
-        moved = max(moved, abs(float(data.qpos[at]) - start))
-    return Answer(asked, moved)
 
 
 def _swing(model: Model, joint: int) -> float:
@@ -86,28 +75,22 @@ def _swing(model: Model, joint: int) -> float:
     return float(min(widest, 0.2 * (upper - lower)))
 
 
-@dataclass(frozen=True)
-class Shaken:
-    """What noise did. seconds: until it went to infinity, None = it did not.
-
-    joint: the fastest of all, and its speed, rad/s or m/s.
-    """
-
-    seconds: float | None
-    joint: str
-    fastest: float
-
-
-def shake(model: Model, action: Action) -> Shaken | None:
+def shake(model: Model, action: Action) -> tuple[float | None, str, float] | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
     Normally distributed about the initial pose with the joint's scale of `action`; falls and lies
-    on the floor as it may. None: nothing is a position servo.
+    on the floor as it may. Returns the seconds until it went to infinity, None = it did not, and
+    the fastest joint with its speed, rad/s or m/s. None: nothing is a position servo.
     """
     servos = [drive for drive in read_drives(model) if drive.holds_position]
     if not servos:
         return None
-    scales = [drive.command_step(_scale(model, drive, action)) for drive in servos]
+    scales = []
+    for drive in servos:
+        lower, upper = torque_on(model, drive.joint)
+        effort, slides = max(-lower, upper), int(model.jnt_type[drive.joint]) == 2
+        scale = action.scale(effort if effort < math.inf else None, drive.kp, slides=slides)
+        scales.append(drive.command_step(scale))
     places, joints = [drive.ctrl_index for drive in servos], mujoco.turning(model)
     dofs = model.jnt_dofadr[joints]
     random, speeds, ended = np.random.default_rng(SEED), np.zeros(len(joints)), None
@@ -126,15 +109,7 @@ def shake(model: Model, action: Action) -> Shaken | None:
                 break
             speeds = np.maximum(speeds, np.abs(data.qvel[dofs]))
     name = mujoco.name_of(model, "joint", joints[int(speeds.argmax())])
-    return Shaken(ended, name, float(speeds.max()))
-
-
-def _scale(model: Model, drive: Drive, action: Action) -> float:
-    """rad or m for one unit of action."""
-    lower, upper = torque_on(model, drive.joint)
-    effort = max(-lower, upper)
-    slides = int(model.jnt_type[drive.joint]) == 2
-    return action.scale(effort if math.isfinite(effort) else None, drive.kp, slides=slides)
+    return ended, name, float(speeds.max())
 
 
 # --- energy and timestep ------------------------------------------------------------------------
@@ -205,7 +180,7 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
 # --- what touches what --------------------------------------------------------------------------
 
 
-def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
+def touching_pairs(model: Model, poses: int) -> Depths:
     """Share of random poses within the limits in which two bodies of the robot touch."""
     counts: dict[tuple[str, str], int] = {}
     random = np.random.default_rng(SEED)
@@ -225,16 +200,10 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
     return _largest_first({pair: count / poses for pair, count in counts.items() if count})
 
 
-def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
+def overlaps_at_home(model: Model) -> Depths:
     """Depth (m) in which bodies lie in one another or in a floor ("") in the initial pose."""
     with mujoco.caught_warnings():
         return _largest_first(mujoco.overlaps(model, mujoco.at_key(model), "body", floor=True))
-
-
-def touches_floors(model: Model) -> bool:
-    """Whether a shape of the robot can touch a floor, by MuJoCo's masks or an explicit pair."""
-    planes = set(mujoco.floors(model))
-    return any(planes & set(pair) for pair in (*touching_geoms(model), *explicit_pairs(model)))
 
 
 def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str], float]:
@@ -249,7 +218,7 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     return mujoco.overlaps(model, data, "geom", floor=stands)
 
 
-def _largest_first(values: Mapping[Name, float]) -> Mapping[Name, float]:
+def _largest_first(values: Depths) -> Depths:
     return dict(sorted(values.items(), key=lambda item: (-item[1], item[0])))
 
 
@@ -318,18 +287,16 @@ def side_normals(points: Array) -> Array | None:
     return np.concatenate([normals, -normals])
 
 
-@dataclass(frozen=True)
-class Settled:
-    """After a drop of a scene's robot: fastest joint, deepest contact, wander of the base."""
-
-    finite: bool
-    speed: float
-    penetration_m: float
-    drift_m: float
+SETTLED = ("fastest_joint", "deepest_contact_m", "drift_m")
 
 
-def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000) -> Settled:
-    """Dropped in its initial pose under its drives; then `steps` more to see it wander."""
+def settle(
+    model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000
+) -> dict[str, float] | None:
+    """Dropped in its initial pose under its drives; then `steps` more to see its base wander.
+
+    Returns the three of `SETTLED`; None when the simulation became unstable.
+    """
     model = mujoco.without(model)
     with mujoco.caught_warnings():
         data = mujoco.at_key(model)
@@ -341,4 +308,5 @@ def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000)
         mj.mj_step(model, data, steps)
         mj.mj_forward(model, data)
         drift = math.dist(place, np.array(data.xpos[1]))
-    return Settled(mujoco.is_finite(data), float(speed), float(depth), drift)
+    values = (float(speed), float(depth), drift)
+    return dict(zip(SETTLED, values, strict=True)) if mujoco.is_finite(data) else None

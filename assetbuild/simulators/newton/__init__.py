@@ -16,7 +16,7 @@ from assetbuild.simulators.stages import perform_on_stages
 
 HOME = Environment("newton", ("newton[sim,importers]==1.8.0",))
 PROGRAM = Path(__file__).with_name("_child.py")
-BEYOND_IMPORTS = ("assetbuild.simulators.newton._child", "assetbuild.simulators.newton._reading")
+BEYOND_IMPORTS = ("assetbuild.simulators.newton._child",)
 
 
 class NewtonCheck(ConsumerCheck, SimulatorCheck):

@@ -5,11 +5,35 @@ MuJoCo on the CPU through `SolverMuJoCo`; see `_moving`. Newton's API as of 1.8.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import _moving  # type: ignore[import-not-found]  # beside `_answering`
-import _reading  # type: ignore[import-not-found]  # beside this file
 import numpy as np
+
+KINDS = {
+    "body": "body_mass",
+    "joint": "jnt_type",
+    "geom": "geom_type",
+    "site": "site_type",
+    "actuator": "actuator_trntype",
+    "equality": "eq_type",
+    "sensor": "sensor_type",
+    "key": "key_time",
+    "tendon": "tendon_adr",
+}
+"""What has names, and an array that has a row for each."""
+LEFT_OUT = ("_", "mesh", "hfield", "tex", "bvh", "skin", "flex", "plugin", "names", "paths")
+"""Beginnings of words of the model that nobody needs and that fill megabytes."""
+LAW = {
+    "kp": "kp",
+    "kd": "kd",
+    "max_effort": "maxEffort",
+    "max_motor_effort": "maxMotorEffort",
+    "saturation_effort": "saturationEffort",
+    "velocity_limit": "velocityLimit",
+}
+"""Arrays of Newton's drives and clamps, and what the USD calls them."""
 
 
 def answer(job: dict[str, Any]) -> dict[str, Any]:
@@ -71,7 +95,7 @@ class World:
 
     def held(self) -> Any:
         """The solver's model."""
-        return _reading.readings(self.model, self.solver.mj_model, self.run)
+        return readings(self.model, self.solver.mj_model, self.run)
 
     def start(self, positions: dict[str, float]) -> None:
         """Put the joints where they begin."""
@@ -118,3 +142,73 @@ def put(array: Any, places: dict[str, int], values: dict[str, float]) -> None:
         for name, value in values.items():
             numbers[places[name]] = value
         array.assign(numbers)
+
+
+# --- what the solver holds, as MuJoCo's compiled model -------------------------------------------
+
+# The arrays of that model go out as they are: who reads MuJoCo's own model reads this one too.
+
+
+def readings(model: Any, held: Any, run: dict[str, Any]) -> dict[str, Any]:
+    """The solver's model as plain values, and the laws of drives that act outside of it.
+
+    run: has the robot's names by what the file calls them, its whole path or the end of it.
+    """
+    values = plain(held) | {"opt": plain(held.opt), "laws": laws(model, run["joints"])}
+    values["names"] = {
+        kind: [getattr(held, kind)(index).name for index in range(len(values[count]))]
+        for kind, count in KINDS.items()
+    }
+    for kind, names, known in (
+        ("body", run["bodies"], model.body_label),
+        ("joint", run["joints"], model.joint_label),
+    ):
+        # The solver's name of a label is its path with `_` in place of `/`.
+        labels = {label.strip("/").replace("/", "_").strip("_"): label for label in known}
+        words = [word.strip("_") for word in values["names"][kind]]
+        values["names"][kind] = [called(labels.get(word, word), names) for word in words]
+    margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
+    for index, word in enumerate(values["names"]["geom"]):
+        label, _, shape = word.rpartition("_")  # Newton appends its number
+        if shape.isdigit():  # margin and gap are Newton's, whose solver has none
+            values["names"]["geom"][index] = called(label, run.get("shapes", {}))
+            values["geom_margin"][index] = float(margins[int(shape)])
+            values["geom_gap"][index] = float(gaps[int(shape)])
+    return values
+
+
+def plain(held: Any) -> dict[str, Any]:
+    """Numbers and arrays of one of MuJoCo's structures."""
+    words = [word for word in dir(held) if not word.startswith(LEFT_OUT)]
+    values = {word: getattr(held, word) for word in words}
+    return {
+        word: value.tolist() if isinstance(value, np.ndarray) else value
+        for word, value in values.items()
+        if isinstance(value, int | float | np.ndarray)
+    }
+
+
+def called(label: str, names: dict[str, str]) -> str:
+    """The robot's name of a label."""
+    end = label.rsplit("/", 1)[-1]
+    return names.get(label, names.get(end, end))
+
+
+def laws(model: Any, names: dict[str, str]) -> dict[str, dict[str, float | None]]:
+    """By joint, the law of its `NewtonActuator`: gains and what limits the effort, SI, rad."""
+    starts = [int(start) for start in model.joint_qd_start.numpy()]
+    labels = dict(zip(starts, model.joint_label, strict=False))
+    by_joint: dict[str, dict[str, float | None]] = {}
+    for group in model.actuators:
+        columns = {
+            word: getattr(part, name).numpy()
+            for part in (group.drive, *group.clamping)
+            for name, word in LAW.items()
+            if getattr(part, name, None) is not None
+        }
+        for row, dof in enumerate(group.indices.numpy()):
+            values = {word: float(column[row]) for word, column in columns.items()}
+            by_joint[called(labels[int(dof)], names)] = {
+                word: value if math.isfinite(value) else None for word, value in values.items()
+            }
+    return by_joint

@@ -12,13 +12,13 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import RecipeView, Target
+from assetbuild.plugin_types import Target
 from assetbuild.recipe_types import Model, NonNegative
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
@@ -116,6 +116,7 @@ class IsaacLab(Target):
 
     sections: ClassVar[Mapping[str, str]] = {"isaaclab": "options"}
     recipe_fields: ClassVar[Mapping[str, str]] = {"usd": "usd", "randomize": "randomize"}
+    derived: ClassVar = {"has_usd": lambda recipe: "usd" in recipe.value("targets")}
 
     options: IsaacLabOptions = IsaacLabOptions()
     """The recipe's `isaaclab`."""
@@ -125,12 +126,6 @@ class IsaacLab(Target):
     """The recipe's ranges, for the modules' event terms."""
     has_usd: bool = True
     """Whether the bundle holds the USD that the modules spawn."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """Knows whether the USD is built too."""
-        fields = super().values(recipe)
-        return None if fields is None else fields | {"has_usd": "usd" in recipe.value("targets")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One module for each generation."""

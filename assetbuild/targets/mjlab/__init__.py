@@ -10,12 +10,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import RecipeView, Target
+from assetbuild.plugin_types import Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
@@ -89,6 +89,11 @@ class Mjlab(Target):
         "imu": "imu.link",
         "randomize": "randomize",
     }
+    derived: ClassVar = {
+        "rows": lambda recipe: tuple(
+            row.joints for row in recipe.value("actuators") if not recipe.value("compose")
+        )
+    }
 
     options: MjlabOptions = MjlabOptions()
     """The recipe's `mjlab`."""
@@ -100,13 +105,6 @@ class Mjlab(Target):
     """Patterns of the actuator table, to name joints by; none of a composite, which has names."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the module's events."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """With the patterns of the actuator table; a composite's are lists of names."""
-        fields = super().values(recipe)
-        rows = () if recipe.value("compose") else recipe.value("actuators")
-        return None if fields is None else fields | {"rows": tuple(row.joints for row in rows)}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints that MJCF cannot say."""

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, did_you_mean, meant_pattern, quoted
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import RecipeView, Target
+from assetbuild.plugin_types import Target
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
@@ -68,17 +68,12 @@ class Xrdf(Target):
     isolated = True
 
     sections: ClassVar[Mapping[str, str]] = {"xrdf": "options"}
+    derived: ClassVar = {"has_urdf": lambda recipe: "urdf" in recipe.value("targets")}
 
     options: XrdfOptions = XrdfOptions()
     """The recipe's `xrdf`."""
     has_urdf: bool = True
     """Whether the bundle holds the URDF whose names these are."""
-
-    @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """Knows whether the URDF is built too."""
-        fields = super().values(recipe)
-        return None if fields is None else fields | {"has_urdf": "urdf" in recipe.value("targets")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints without one coordinate and for collision without a hull."""
