@@ -12,7 +12,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.source.mjcf.text import AT, error_at, where_of
-from assetbuild.source.urdf.xml import read_xml
+from assetbuild.source.urdf.xml import read_mjcf_text
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -91,7 +91,7 @@ def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
         where = where_of(include) if include is not None else Where(path)
         hint = did_you_mean(path, known)
         raise SourceError(f"no file `{path}` to include", where=where, hint=hint)
-    root = read_xml(file.read_bytes(), path, "MJCF").element
+    root = read_mjcf_text(file.read_bytes(), path)
     for element in root.iter("*"):
         if element.prefix or str(element.tag).startswith("{"):
             raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Rule
 from assetbuild.source.urdf.xml import Node
 
 TAKEN = Rule(
@@ -116,14 +116,14 @@ class Paths:
             raise node.error(f"{node.tag} filename `{uri}`: no package named `{name}`", hint)
         return posixpath.join(self.packages[name], rest)
 
-    def left_out(self, geometry: Node, role: str) -> Finding | None:
-        """The finding on a shape whose mesh is stated as missing; None: its mesh is there.
+    def left_out(self, geometry: Node, role: str) -> bool:
+        """Whether the mesh of a shape is stated as missing, which is reported.
 
         SourceError for a collision mesh: without it the robot would be another one.
         """
         mesh = geometry.only("mesh") if self.missing else None
         if mesh is None or (path := self._meaning(mesh)[2]) not in self.missing:
-            return None
+            return False
         if role == "collision":
             hint = "bring the mesh, or replace the <collision> by a patch (see `source.patches`)"
             message = (
@@ -131,14 +131,15 @@ class Paths:
             )
             raise mesh.error(message, hint)
         message = f"its visual mesh `{path}` is missing (line {mesh.line}); nothing is drawn for it"
-        return MISSING(mesh.subject, message, data={"mesh": path})
+        mesh.report(MISSING, message, data={"mesh": path})
+        return True
 
-    def findings(self) -> Iterator[Finding]:
-        """One for each kind of name that not every reader would have followed."""
+    def report(self, robot: Node) -> None:
+        """One finding for each kind of name that not every reader would have followed."""
         for kind, taken in sorted(self.taken.items()):
             assumption, uri, path, line = taken[0]
-            yield TAKEN(
-                "robot",
+            robot.report(
+                TAKEN,
                 f"{assumption}, {len(taken)} times: first `{uri}` (line {line}) for `{path}`",
                 severity="warning" if kind.startswith("/") or kind == "file" else "info",
                 data={"uri": uri, "path": path, "count": len(taken)},
