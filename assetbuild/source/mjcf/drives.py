@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.findings import Finding
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
+from assetbuild.simulators.mujoco import mj
 from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
@@ -45,7 +45,6 @@ class Drives:
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
     names: list[tuple[str, str]] = field(default_factory=list)
     resting: list[tuple[str, float]] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
 
 
 def read_drives(links: Links) -> Drives:
@@ -62,7 +61,7 @@ def read_drives(links: Links) -> Drives:
             message = f"`user` of actuator `{name}` was left out ({where_of(element)})"
             hint = "it says nothing about the robot itself"
             lost = dropped("actuator", f"actuator {name}", message, hint, attributes=("user",))
-            drives.findings.append(lost)
+            links.findings.append(lost)
         joint, gear = levers[index]
         taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
         alone = int(model.actuator_trntype[index]) not in STRAIGHT
@@ -311,9 +310,7 @@ def _resting(model: Model, index: int) -> float:
 
 def _kinds(model: Model, index: int) -> dict[str, str]:
     """MuJoCo's words for what makes the force of an actuator."""
-    import mujoco
-
-    enums = {"dyn": mujoco.mjtDyn, "gain": mujoco.mjtGain, "bias": mujoco.mjtBias}
+    enums = {"dyn": mj.mjtDyn, "gain": mj.mjtGain, "bias": mj.mjtBias}
     return {
         part: enum(int(getattr(model, f"actuator_{part}type")[index])).name.split("_")[1].lower()
         for part, enum in enums.items()

@@ -21,10 +21,11 @@ import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
-from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, Mimic
+from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, Mimic, MjcfOnly
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
 from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.source.mjcf.compiled import Compiled, Model
+from assetbuild.source.mjcf.opaque import attributes_of
 from assetbuild.source.mjcf.scenery import is_held
 from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
 FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 JOINT_POS = Rule(
     "mjcf.joint_pos",
@@ -70,6 +72,7 @@ class Links:
     shift: where the frame of a link stands in the frame of the body of that name, m.
     rest: `ref` of each joint, rad or m. sites: link by site.
     mount: pose of the root body in the world, in the source. free_joint: its name, or "".
+    mjcf_only, findings: of the bodies and of all that is read after them.
     """
 
     source: Compiled
@@ -83,11 +86,17 @@ class Links:
     sites: dict[str, str] = field(default_factory=dict)
     mount: Pose = IDENTITY
     free_joint: str = ""
+    mjcf_only: list[MjcfOnly] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
     def in_link(self, body: str, pose: Pose) -> Pose:
         """A pose given in the frame of a body of the source, in the frame of its link."""
-        return Pose(_minus(pose.xyz, self.shift[body]), pose.quat)
+        return Pose(_minus(pose.xyz, self.shift.get(body, ORIGIN)), pose.quat)
+
+    def keep(self, place: str, tag: str, stated: Mapping[str, str], owner: str = "") -> None:
+        """Leave attributes to MJCF, if there are any."""
+        if stated:
+            self.mjcf_only.append(MjcfOnly(place, attributes_of(tag, stated), owner))
 
 
 def read_links(source: Compiled, base: Base | None) -> Links:
@@ -119,8 +128,8 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
             raise error_at(
                 top, "joints or tendons connect the robot to the world: it cannot float", hint
             )
-        origin = {WORLD: (0.0, 0.0, 0.0)}
-        return Links(source, "fixed", WORLD, bodies=[Body(WORLD)], kept=[WORLD], shift=origin)
+        bodies = [Body(WORLD)]
+        return Links(source, "fixed", WORLD, bodies, kept=[WORLD], shift={WORLD: ORIGIN})
     stated: Base = "floating" if free else "fixed"
     links = Links(source, base or stated, name, mount=source.pose_of("body", name))
     if free:
@@ -137,18 +146,18 @@ def _add_body(links: Links, element: _Element, parent: str) -> None:
     if FREE in links.source.joint_kinds(name) and name != links.root:
         hint = "one recipe builds one robot; its root alone may float"
         raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
-    links.shift[name] = (0.0, 0.0, 0.0)
+    links.shift[name] = ORIGIN
     if name != links.root:
         joints = links.source.joints_of(name)
         anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
-        links.shift[name] = anchors[-1] if anchors else (0.0, 0.0, 0.0)
+        links.shift[name] = anchors[-1] if anchors else ORIGIN
         made = _joints_to(links, name, parent, joints, anchors)
         links.joints += made
         links.bodies += [Body(joint.child) for joint in made[:-1]]
     links.bodies.append(Body(name, _inertial(links, element, name)))
     if links.bodies[-1].inertial is not None:
         links.kept.append(name)
-    if links.shift[name] != (0.0, 0.0, 0.0):
+    if links.shift[name] != ORIGIN:
         _keep_origin(links, name)
 
 
@@ -159,9 +168,8 @@ def _joints_to(
     model = links.source.model
     X_parent_body = links.in_link(parent, links.source.pose_of("body", name))
     if not joints:
-        taken = {str(model.joint(i).name) for i in range(model.njnt)}
         fixed = f"{name}_fixed"
-        while fixed in taken:
+        while fixed in {str(model.joint(i).name) for i in range(model.njnt)}:
             fixed += "_"
         return [Joint(fixed, "fixed", parent, name, X_parent_body)]
     made, above, X = [], parent, X_parent_body @ Pose(anchors[0])
@@ -234,7 +242,7 @@ def _keep_origin(links: Links, name: str) -> None:
     shift = links.shift[name]
     origin = f"{name}_origin"
     links.bodies.append(Body(origin))
-    back = Pose(_minus((0.0, 0.0, 0.0), shift))
+    back = Pose(_minus(ORIGIN, shift))
     links.joints.append(Joint(f"{origin}_fixed", "fixed", name, origin, back))
     at = ", ".join(f"{v:g}" for v in shift)
     message = f"its joint stands at ({at}) m in the body: the link's frame moved there"

@@ -23,7 +23,7 @@ from assetbuild.robot.shapes import (
 )
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.links import Links
-from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
+from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
 from assetbuild.source.mjcf.text import WORLD, dropped, error_at, parts, where_of
 
 if TYPE_CHECKING:
@@ -64,14 +64,14 @@ def read_geoms(links: Links) -> Geoms:
                 severity: Severity = "info" if kind == "plane" else "warning"
                 subject = f"shape {geom.get('name')}"
                 lost = dropped("geom of worldbody", subject, what, hint, severity)
-                geoms.findings.append(lost)
+                links.findings.append(lost)
     worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
     geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
-    geoms.mjcf_only = [i for i in geoms.mjcf_only if i.place != "material" or i.owner in worn]
+    links.mjcf_only = [i for i in links.mjcf_only if i.place != "material" or i.owner in worn]
     visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in geoms.drawn]
     if visible:
         seen = any(shape.role == "visual" for shape in geoms.shapes)
-        geoms.findings.append(_drawn(visible, alone=not seen))
+        links.findings.append(_drawn(visible, alone=not seen))
     return geoms
 
 
@@ -85,8 +85,6 @@ class Geoms:
         self.shapes: list[SourceShape] = []
         self.materials: dict[str, Material] = {}
         self.contacts: dict[str, Contact] = {}
-        self.mjcf_only: list[MjcfOnly] = []
-        self.findings: list[Finding] = []
         self.links, self.source, root = links, links.source, links.source.root
         self.model, self.classes = links.source.model, links.source.classes
         self.looks = {m.get("name"): m for m in root.iterfind("asset/material")}
@@ -102,7 +100,7 @@ class Geoms:
             what += "no format of a robot has terrain"
             hint = "the floor of `scene.xml` is flat: add the terrain to your own scene"
             lost = dropped("geom of type hfield", f"shape {name}", what, hint, "warning")
-            self.findings.append(lost)
+            self.links.findings.append(lost)
             return
         index = self.source.id_of("geom", name)
         touches = bool(self.model.geom_contype[index] or self.model.geom_conaffinity[index])
@@ -134,8 +132,7 @@ class Geoms:
             more["group"] = attributes.get("group", "0")
         if role == "collision" and ("rgba" in attributes or "material" in attributes):
             more["rgba"] = words(self._colour(index))
-        if more:
-            self.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
+        self.links.keep("shape", "geom", more, name)
 
     def _only_mjcf(self, geom: _Element, attributes: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
@@ -149,7 +146,7 @@ class Geoms:
             kept["rgba"] = words(self._colour(index))
         size = words(self.model.geom_size[index])
         element = body_element("geom", str(geom.get("name")), pose, {**kept, "size": size})
-        self.mjcf_only.append(MjcfOnly("body", element, body))
+        self.links.mjcf_only.append(MjcfOnly("body", element, body))
 
     # --- meshes and looks ---------------------------------------------------------------------
 
@@ -176,8 +173,8 @@ class Geoms:
             message += f"left out ({where_of(element)})"
             hint = "our meshes are converted: their normals and hulls are made anew"
             finding = dropped("mesh", f"mesh {element.get('file')}", message, hint, attributes=lost)
-            if finding not in self.findings:
-                self.findings.append(finding)
+            if finding not in self.links.findings:
+                self.links.findings.append(finding)
         return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
@@ -202,18 +199,16 @@ class Geoms:
                 break
         if existing is None:
             self.materials[name] = replace(known, name=name, rgba=colour)
-            stated = [i for i in self.mjcf_only if (i.place, i.owner) == ("material", known.name)]
-            self.mjcf_only += [replace(item, owner=name) for item in stated]
+            stated = ("material", known.name)
+            same = [i for i in self.links.mjcf_only if (i.place, i.owner) == stated]
+            self.links.mjcf_only += [replace(item, owner=name) for item in same]
         return name
 
     def _look(self, look: _Element, name: str) -> Material:
         if name in self.materials:
             return self.materials[name]
         attributes = self.classes.attributes(look)
-        more = leftover(attributes, keys("rgba texture"))
-        if more:
-            only = MjcfOnly("material", attributes_of("material", more), name)
-            self.mjcf_only.append(only)
+        self.links.keep("material", "material", leftover(attributes, keys("rgba texture")), name)
         picture = self.pictures.get(attributes.get("texture", ""))
         layers = look.find("layer")
         file = picture.get("file") if picture is not None else None
@@ -221,7 +216,7 @@ class Geoms:
             message = f"the made or layered picture of material `{name}` was left out; its colour "
             message += "stays"
             hint = "give the material a `texture` with a PNG file"
-            self.findings.append(dropped("texture", f"material {name}", message, hint))
+            self.links.findings.append(dropped("texture", f"material {name}", message, hint))
         material = Material(name, _rgba(self.model.material(name).rgba), file)
         self.materials[name] = material
         return material
