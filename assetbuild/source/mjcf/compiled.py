@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Any
 from assetbuild.errors import SourceError, StepError, Where
 from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.simulators.mujoco import Model, caught_warnings, mj
 from assetbuild.source.mjcf.text import (
-    AT,
     Classes,
     error_at,
     named_bodies,
     of_bodies,
     own_attributes,
+    plain_text,
     remove,
     where_of,
 )
@@ -33,7 +33,6 @@ from assetbuild.source.mjcf.text import (
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-Model = Any  # mujoco.MjModel: its extension module has no types
 _LINE = re.compile(r",? line (\d+)")
 
 
@@ -124,17 +123,10 @@ def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
-    import mujoco
-    from lxml import etree
-
-    bare = copy.deepcopy(root)
-    for element in bare.iter("*"):
-        element.attrib.pop(AT, "")
-    etree.indent(bare)
-    text = etree.tostring(bare, encoding="unicode")
+    text = plain_text(root, indented=True)
     with caught_warnings() as warnings:
         try:
-            model = mujoco.MjModel.from_xml_string(text, dict(files))
+            model = mj.MjModel.from_xml_string(text, dict(files))
         except ValueError as error:
             raise _told(str(error), text, root) from None
     return model, tuple(" ".join(line.split()) for line in warnings)

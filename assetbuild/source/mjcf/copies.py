@@ -8,17 +8,15 @@ copies are made of it.
 from __future__ import annotations
 
 import base64
-import copy
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import Path
-from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.simulators.mujoco import caught_warnings, mj
 from assetbuild.source.mjcf.compiled import plain, without_meshes
-from assetbuild.source.mjcf.text import AT, error_at, path_of, remove, where_of
+from assetbuild.source.mjcf.text import AT, error_at, path_of, plain_text, remove
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -74,7 +72,7 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
     except ValueError as error:
         words = " ".join(str(error).split())
         message = f"MuJoCo does not write <{first.tag}> out: {words}"
-        raise SourceError(message, where=where_of(first)) from None
+        raise error_at(first, message) from None
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})
     return made
@@ -138,20 +136,9 @@ def _spec(
     root: _Element, models: Mapping[str, _Element], files: Iterable[str]
 ) -> Any:  # Any: MjSpec
     """files: names of those that stand in."""
-    import mujoco
-
-    texts = {name: _text(child).encode() for name, child in models.items()}
+    texts = {name: plain_text(child).encode() for name, child in models.items()}
     assets = {name: STANDING_IN[name[-3:]] for name in files}
-    return mujoco.MjSpec.from_string(_text(root), include=texts, assets=assets)
-
-
-def _text(root: _Element) -> str:
-    from lxml import etree
-
-    bare = copy.deepcopy(root)
-    for element in bare.iter("*"):
-        element.attrib.pop(AT, "")
-    return etree.tostring(bare, encoding="unicode")
+    return mj.MjSpec.from_string(plain_text(root), include=texts, assets=assets)
 
 
 def _compare(

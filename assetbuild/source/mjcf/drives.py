@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
-from assetbuild.simulators.mujoco import mj
+from assetbuild.simulators.mujoco import Model, mj
 from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
-from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
 from assetbuild.source.mjcf.opaque import element_text, words
 from assetbuild.source.mjcf.text import dropped, error_at, where_of

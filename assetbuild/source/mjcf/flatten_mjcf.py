@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
 from assetbuild.findings import Finding
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.robot.pose import Array, normalised_quat, rotation_of
+from assetbuild.simulators.mujoco import mj
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.scenery import cut_scenery
@@ -326,7 +326,6 @@ def _stated(mesh: _Element, name: str) -> _Triangles:
 
 def _made(mesh: _Element, name: str) -> _Triangles:
     """What MuJoCo makes of `builtin`, moved back from the principal axes where it keeps it."""
-    import mujoco
     from lxml import etree
 
     attributes = {key: value for key, value in own_attributes(mesh).items() if key in WRITTEN}
@@ -334,11 +333,11 @@ def _made(mesh: _Element, name: str) -> _Triangles:
     text = f"""<mujoco><asset>{alone}</asset>
       <worldbody><geom type="mesh" mesh="m" contype="0" conaffinity="0"/></worldbody></mujoco>"""
     try:
-        model = mujoco.MjModel.from_xml_string(text)
+        model = mj.MjModel.from_xml_string(text)
     except ValueError as error:
         words = " ".join(str(error).split())
         message = f"mesh `{name}`: MuJoCo does not make it: {words}"
-        raise SourceError(message, where=where_of(mesh)) from None
+        raise error_at(mesh, message) from None
     turn = normalised_quat(tuple(float(v) for v in model.mesh_quat[0]))  # type: ignore[arg-type] # four numbers
     points: Array = np.asarray(model.mesh_vert, dtype=np.float64) @ rotation_of(turn).T
     return (points + model.mesh_pos[0]).tolist(), np.asarray(model.mesh_face).tolist()

@@ -23,8 +23,9 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
 from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, Mimic, MjcfOnly
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
+from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
-from assetbuild.source.mjcf.compiled import Compiled, Model
+from assetbuild.source.mjcf.compiled import Compiled
 from assetbuild.source.mjcf.opaque import attributes_of
 from assetbuild.source.mjcf.scenery import is_held
 from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts

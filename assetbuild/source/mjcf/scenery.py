@@ -166,12 +166,16 @@ def _robot(
             raise error_at(world, f"`source.body`: no body `{chosen}` in the world", hint)
         return (chosen,)
     solid = {name: top for name, top in tops.items() if top.get("mocap") != "true"}
-    joints = {name: _joints(top, Classes(root)) for name, top in solid.items()}
+    classes = Classes(root)
+    joints = {
+        name: {_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)}
+        for name, top in solid.items()
+    }
     floating = [name for name, kinds in joints.items() if "free" in kinds]
     if len(solid) < 2 or not floating:
         return tuple(solid)
     driven = _driven(root, solid)
-    moving = tuple(name for name, kinds in joints.items() if set(kinds) - {"free"})
+    moving = tuple(name for name, kinds in joints.items() if kinds - {"free"})
     robots = driven or moving
     if len(robots) == 1 or (robots and not set(robots) & set(floating)):
         return robots
@@ -179,11 +183,6 @@ def _robot(
     what = "robots" if robots else "bodies, none of them driven,"
     message = f"{len(names)} {what} in the world, and a recipe builds one"
     raise SeveralRobotsError(solid[names[-1]], message, names)
-
-
-def _joints(top: _Element, classes: Classes) -> list[str]:
-    """Kinds of all joints on a body and below it."""
-    return [_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)]
 
 
 def _kind(joint: _Element, classes: Classes) -> str:
@@ -238,8 +237,7 @@ def kind_of(key: str, stated: Mapping[str, str]) -> str:
 
 def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tuple[_Element, str]]:
     """Yield each element that refers to what is lost, with the name of that."""
-    widths = _widths(root)
-    commands = [str(actuator.get("name")) for actuator in _of(root, "actuator")]
+    owners = _owners(root)
     for top in gone:
         remove(top)
     for section in SECTIONS:
@@ -254,39 +252,30 @@ def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tup
             remove(watching)
             yield watching, str(watching.get("target"))
     for key in root.iterfind("keyframe/key"):
-        _slice(key, widths, commands, lost)
+        _slice(key, owners, lost)
 
 
-def _widths(root: _Element) -> list[tuple[str, int, int]]:
-    """(name, numbers in qpos, numbers in qvel) of all joints, in MuJoCo's order."""
+def _owners(root: _Element) -> dict[str, list[_Name]]:
+    """By attribute of a keyframe, whose each of its numbers is, in MuJoCo's order."""
+    actuators = [("actuator", str(actuator.get("name"))) for actuator in _of(root, "actuator")]
+    owners: dict[str, list[_Name]] = {"qpos": [], "qvel": [], "ctrl": actuators}
     classes = Classes(root)
-    return [
-        (str(one.get("name")), *WIDTHS.get(_kind(one, classes), (1, 1)))
-        for body, _ in named_bodies(root)
-        for one in parts(body, *JOINTS)
-    ]
+    for one in [one for body, _ in named_bodies(root) for one in parts(body, *JOINTS)]:
+        widths = WIDTHS.get(_kind(one, classes), (1, 1))
+        for word, width in zip(("qpos", "qvel"), widths, strict=True):
+            owners[word] += [("joint", str(one.get("name")))] * width
+    return owners
 
 
-def _slice(
-    key: _Element, joints: list[tuple[str, int, int]], commands: list[str], lost: _Names
-) -> None:
+def _slice(key: _Element, owners: Mapping[str, list[_Name]], lost: _Names) -> None:
     """Keep the numbers of a keyframe that belong to what stays; MuJoCo refuses a wrong count."""
-    rows = {
-        "qpos": [(("joint", name), width) for name, width, _ in joints],
-        "qvel": [(("joint", name), width) for name, _, width in joints],
-        "ctrl": [(("actuator", name), 1) for name in commands],
-    }
-    for word, row in rows.items():
+    for word, row in owners.items():
         numbers = key.get(word, "").split()
-        if len(numbers) != sum(width for _, width in row):
-            continue
-        kept, at = [], 0
-        for one, width in row:
-            kept += numbers[at : at + width] if one not in lost else []
-            at += width
-        key.set(word, " ".join(kept))
-        if not kept:
-            key.attrib.pop(word)
+        if len(numbers) == len(row):
+            kept = [n for n, owner in zip(numbers, row, strict=True) if owner not in lost]
+            key.set(word, " ".join(kept))
+            if not kept:
+                key.attrib.pop(word)
     if any(kind == "actuator" for kind, _ in lost):
         key.attrib.pop("act", "")  # as many numbers as states; a keyframe of a robot has none
     for word in ("mpos", "mquat"):

@@ -21,7 +21,8 @@ from assetbuild.robot.shapes import (
     SourceShape,
     Sphere,
 )
-from assetbuild.source.mjcf.compiled import Model, pose_at
+from assetbuild.simulators.mujoco import Model
+from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
 from assetbuild.source.mjcf.text import WORLD, dropped, error_at, parts, where_of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -58,6 +59,18 @@ def error_at(element: _Element, message: str, hint: str = "") -> SourceError:
 def own_attributes(element: _Element) -> dict[str, str]:
     """What an element itself says, its name and class among it."""
     return {str(key): str(value) for key, value in element.attrib.items() if key != AT}
+
+
+def plain_text(root: _Element, *, indented: bool = False) -> str:
+    """The XML without the places of its elements."""
+    from lxml import etree
+
+    bare = copy.deepcopy(root)
+    for element in bare.iter("*"):
+        element.attrib.pop(AT, "")
+    if indented:
+        etree.indent(bare)
+    return etree.tostring(bare, encoding="unicode")
 
 
 def remove(element: _Element) -> None:
