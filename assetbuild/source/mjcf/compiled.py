@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from assetbuild.errors import SourceError, StepError, Where
 from assetbuild.lfs import refuse_pointer
@@ -21,6 +21,7 @@ from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, caught_warnings, mj
 from assetbuild.source.mjcf.text import (
     Classes,
+    Element,
     error_at,
     named_bodies,
     of_bodies,
@@ -29,9 +30,6 @@ from assetbuild.source.mjcf.text import (
     remove,
     where_of,
 )
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 _LINE = re.compile(r",? line (\d+)")
 
@@ -44,7 +42,7 @@ class Compiled:
     warnings: what MuJoCo said about the source.
     """
 
-    root: _Element
+    root: Element
     model: Model
     places: Model
     warnings: tuple[str, ...]
@@ -55,7 +53,7 @@ class Compiled:
         return Classes(self.root)
 
     @cached_property
-    def bodies(self) -> list[tuple[_Element, str]]:
+    def bodies(self) -> list[tuple[Element, str]]:
         """(element, name) of the world and of all bodies, depth first in file order."""
         return named_bodies(self.root)
 
@@ -89,7 +87,7 @@ def pose_at(position: Any, quat: Any) -> Pose:  # Any: rows of the model
     return Pose(vec3(position), normalised_quat((w, x, y, z)))
 
 
-def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
+def compile_source(root: Element, files: Mapping[str, bytes]) -> Compiled:
     """Compile a flattened source; SourceError with MuJoCo's words and our line.
 
     files: content of each mesh file by its path below the source's root.
@@ -113,7 +111,7 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     return Compiled(root, full, places, warnings)
 
 
-def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
+def _by_number(root: Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
     """Number the mesh files: to MuJoCo, files of one name in two folders are one."""
     names = {path: f"{number}_{posixpath.basename(path)}" for number, path in enumerate(files)}
     for mesh in root.iterfind("asset/mesh"):
@@ -122,7 +120,7 @@ def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
     return {names[path]: content for path, content in files.items()}
 
 
-def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
+def _compiled(root: Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
     text = plain_text(root, indented=True)
     with caught_warnings() as warnings:
         try:
@@ -132,7 +130,7 @@ def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[
     return model, tuple(" ".join(line.split()) for line in warnings)
 
 
-def _without_number(root: _Element) -> SourceError | None:
+def _without_number(root: Element) -> SourceError | None:
     """The first attribute that says NaN; names may be called so."""
     for element in root.iter("*"):
         for key, value in own_attributes(element).items():
@@ -141,7 +139,7 @@ def _without_number(root: _Element) -> SourceError | None:
     return None
 
 
-def _told(message: str, text: str, root: _Element) -> SourceError:
+def _told(message: str, text: str, root: Element) -> SourceError:
     """MuJoCo's complaint with the line of the source instead of that of our text."""
     from lxml import etree
 
@@ -156,7 +154,7 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
     return SourceError(f"MuJoCo does not compile it: {words}", where=where)
 
 
-def plain(root: _Element) -> _Element:
+def plain(root: Element) -> Element:
     """The source without pictures, skins and height fields, its bodies and shapes all kept."""
     bare = copy.deepcopy(root)
     for element in list(bare.iter("texture", "layer", "hfield", "skin")):
@@ -173,7 +171,7 @@ def plain(root: _Element) -> _Element:
     return bare
 
 
-def without_meshes(root: _Element) -> _Element:
+def without_meshes(root: Element) -> Element:
     """The source with small spheres in the places of its meshes."""
     spheres = copy.deepcopy(root)
     classes = Classes(spheres)

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from assetbuild.facts.mjcf_grammar import Path
 from assetbuild.simulators.mujoco import caught_warnings, mj
 from assetbuild.source.mjcf.compiled import plain, without_meshes
-from assetbuild.source.mjcf.text import AT, error_at, path_of, plain_text, remove
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import AT, Element, error_at, path_of, plain_text, remove
 
 STANDING_IN = {
     "obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
@@ -34,7 +31,7 @@ MOST = 100_000
 """Elements that are written out."""
 
 
-def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int = 0) -> _Element:
+def write_out(root: Element, load: Callable[[Element], Element], depth: int = 0) -> Element:
     """The same robot without `<replicate>` and `<attach>`. SourceError with file and line.
 
     load: a model that an element of `<asset>` names, files resolved.
@@ -47,7 +44,7 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         return root
     if depth > DEEPEST:
         raise error_at(first, f"models are attached more than {DEEPEST} deep")
-    models: dict[str, _Element] = {}
+    models: dict[str, Element] = {}
     for number, element in enumerate(elements):
         child = write_out(load(element), load, depth + 1)
         if not element.get("name"):
@@ -78,7 +75,7 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
     return made
 
 
-def _stand_in(roots: list[_Element]) -> dict[str, str]:
+def _stand_in(roots: list[Element]) -> dict[str, str]:
     """Rename all files to such that stand in for them; their paths by the new names."""
     paths: dict[str, str] = {}
     for element in (e for root in roots for e in root.iterfind("asset/*")):
@@ -90,7 +87,7 @@ def _stand_in(roots: list[_Element]) -> dict[str, str]:
     return paths
 
 
-def _rename_classes(model: _Element, number: int) -> None:
+def _rename_classes(model: Element, number: int) -> None:
     """Without a prefix MuJoCo would write the classes of two models under one name."""
     for element in model.iter("*"):
         for key in ("class", "childclass"):
@@ -98,7 +95,7 @@ def _rename_classes(model: _Element, number: int) -> None:
                 element.set(key, f"{element.get(key)}-of-{number}")
 
 
-def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
+def _refuse_many(root: Element, sizes: Mapping[str, int]) -> None:
     """sizes: number of elements of each model by name."""
     total = 0
     for element in root.iter("*"):
@@ -111,7 +108,7 @@ def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
             raise error_at(element, f"more than {MOST} elements when all copies are written out")
 
 
-def _with_lines(text: str, roots: list[_Element]) -> _Element:
+def _with_lines(text: str, roots: list[Element]) -> Element:
     """MuJoCo's text, each element with the place of the one that it was made of.
 
     That is the one with the longest name that its own contains; else the place of what it is in.
@@ -132,18 +129,14 @@ def _with_lines(text: str, roots: list[_Element]) -> _Element:
     return made
 
 
-def _spec(
-    root: _Element, models: Mapping[str, _Element], files: Iterable[str]
-) -> Any:  # Any: MjSpec
+def _spec(root: Element, models: Mapping[str, Element], files: Iterable[str]) -> Any:  # Any: MjSpec
     """files: names of those that stand in."""
     texts = {name: plain_text(child).encode() for name, child in models.items()}
     assets = {name: STANDING_IN[name[-3:]] for name in files}
     return mj.MjSpec.from_string(plain_text(root), include=texts, assets=assets)
 
 
-def _compare(
-    root: _Element, models: Mapping[str, _Element], made: _Element, first: _Element
-) -> None:
+def _compare(root: Element, models: Mapping[str, Element], made: Element, first: Element) -> None:
     """SourceError where the text that MuJoCo wrote is another robot."""
     bare = {name: without_meshes(plain(child)) for name, child in models.items()}
     one = _spec(without_meshes(plain(root)), bare, ()).compile()

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
 from assetbuild.simulators.mujoco import Model, mj
 from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
 from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
 from assetbuild.source.mjcf.opaque import element_text, words
-from assetbuild.source.mjcf.text import dropped, error_at, where_of
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import Element, dropped, error_at, where_of
 
 KINDS = {
     "dyn": ("none", "integrator", "filter", "filterexact", "muscle", "user"),
@@ -251,7 +248,7 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
     return (float(f"{prm[0] + prm[1] * ref:.15g}"), *prm[1:]) if len(prm) > 1 else prm
 
 
-def _whole(element: _Element, links: Links, index: int) -> str:
+def _whole(element: Element, links: Links, index: int) -> str:
     """The actuator as `<general>` with all its compiled numbers, or as stated where it is more."""
     model = links.source.model
     kinds = _kinds(model, index)

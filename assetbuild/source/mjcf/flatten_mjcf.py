@@ -9,7 +9,6 @@ import json
 import posixpath
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from assetbuild.source.mjcf.text import (
     AT,
     WORLD,
     Classes,
+    Element,
     bodies,
     dropped,
     error_at,
@@ -37,9 +37,6 @@ from assetbuild.source.mjcf.text import (
     world_of,
 )
 from assetbuild.xml_text import free_name
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 REFUSED = {
     "composite": "MuJoCo 4 has none; MuJoCo 3 writes its bodies out (`mj_saveLastXML`): build that",
@@ -96,7 +93,7 @@ class FlattenMjcf(Step):
         yield from findings
 
 
-def _check_words(root: _Element, grammar: float) -> None:
+def _check_words(root: Element, grammar: float) -> None:
     """SourceError for a word that MuJoCo 3.11 does not know, unless the recipe keeps such words."""
     for element in root.iter("*") if grammar < float(NEWEST) else ():
         words = newer_words(str(element.tag), own_attributes(element))
@@ -107,7 +104,7 @@ def _check_words(root: _Element, grammar: float) -> None:
             raise error_at(element, message, hint)
 
 
-def _without_sensors_of_plugins(root: _Element) -> Iterator[Finding]:
+def _without_sensors_of_plugins(root: Element) -> Iterator[Finding]:
     """They measure and move nothing; nor does a plug-in that nothing else uses."""
     for sensor in list(root.iterfind("sensor/plugin")):
         name = sensor.get("name", "")
@@ -129,14 +126,14 @@ def _json(value: object) -> str:
 # --- files ----------------------------------------------------------------------------------
 
 
-def _attached(asked: _Element, tree: Path) -> _Element:
+def _attached(asked: Element, tree: Path) -> Element:
     """The model that an element of `<asset>` names."""
     if asked.get("content_type", "text/xml") != "text/xml":
         raise error_at(asked, "a model of a format that is not read", "attach MJCF")
     return _resolved(expanded(below(asked, folder_of(asked)), tree, asked))
 
 
-def _resolved(root: _Element) -> _Element:
+def _resolved(root: Element) -> Element:
     """Each `file` becomes a path below the source's root; the compiler's folders go."""
     if root.find("worldbody") is None:
         raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
@@ -169,7 +166,7 @@ def _resolved(root: _Element) -> _Element:
     return root
 
 
-def _meshes(root: _Element) -> list[dict[str, object]]:
+def _meshes(root: Element) -> list[dict[str, object]]:
     """As `read_urdf` lists them: the first use of each mesh file, by path."""
     entries: dict[str, dict[str, object]] = {}
     for mesh in root.iterfind("asset/mesh"):
@@ -179,11 +176,11 @@ def _meshes(root: _Element) -> list[dict[str, object]]:
     return [entries[path] for path in sorted(entries)]
 
 
-def _source_map(root: _Element, main: str) -> dict[str, object]:
+def _source_map(root: Element, main: str) -> dict[str, object]:
     """Line by subject; `file:line` where an included file says it."""
     lines: dict[str, object] = {}
 
-    def note(subject: str, element: _Element) -> None:
+    def note(subject: str, element: Element) -> None:
         where = where_of(element)
         lines.setdefault(subject, where.line if where.file == main else str(where))
 
@@ -220,7 +217,7 @@ _SUBJECTS = {
 SECTIONS = ("actuator", "sensor", "equality", "tendon", "keyframe")
 
 
-def name_all(root: _Element) -> None:
+def name_all(root: Element) -> None:
     """Name every body, joint, geom, site, camera, light, mesh and element of a section."""
     taken = {name for _, name in named_bodies(root)}
     for body, parent in bodies(world_of(root)):  # named before those on it are looked at
@@ -236,7 +233,7 @@ def name_all(root: _Element) -> None:
             _name(list(node.iterchildren("*")), _acting_name)
 
 
-def _name_parts(root: _Element) -> None:
+def _name_parts(root: Element) -> None:
     classes, around = Classes(root), named_bodies(root)
     for tags in (("joint", "freejoint"), ("geom",), ("site",), ("camera",), ("light",)):
         elements = [(part, name) for body, name in around for part in parts(body, *tags)]
@@ -253,14 +250,14 @@ def _role(attributes: dict[str, str]) -> str:
     return "visual" if all(mask in ("0", "+0") for mask in masks) else "collision"
 
 
-def _name(elements: list[_Element], wanted: Callable[[_Element], str]) -> None:
+def _name(elements: list[Element], wanted: Callable[[Element], str]) -> None:
     taken = {str(element.get("name")) for element in elements if element.get("name")}
     for element in elements:
         if not element.get("name"):
             element.set("name", free_name(wanted(element), taken))
 
 
-def _acting_name(element: _Element) -> str:
+def _acting_name(element: Element) -> str:
     """After what it acts on or looks at: `FR_hip_joint`, `imu_gyro`."""
     for key in ("joint", "tendon", "site", "objname", "body", "joint1", "body1"):
         if element.get(key):
@@ -277,7 +274,7 @@ WRITTEN = ("vertex", "face", "builtin", "params")
 LOST = ("normal", "texcoord", "facenormal", "facetexcoord")
 
 
-def write_inline(root: _Element, folder: Path) -> Iterator[Finding]:
+def write_inline(root: Element, folder: Path) -> Iterator[Finding]:
     """Write each mesh without a file to a folder, and name that file instead of its points."""
     folder.mkdir()
     meshes = [mesh for mesh in root.iterfind("asset/mesh") if not mesh.get("file")]
@@ -306,7 +303,7 @@ def write_inline(root: _Element, folder: Path) -> Iterator[Finding]:
 _Triangles = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]
 
 
-def _stated(mesh: _Element, name: str) -> _Triangles:
+def _stated(mesh: Element, name: str) -> _Triangles:
     """Points, m, and triangles; without triangles the hull of the points, as MuJoCo has it."""
     try:
         points = np.array([float(word) for word in mesh.get("vertex", "").split()])
@@ -324,7 +321,7 @@ def _stated(mesh: _Element, name: str) -> _Triangles:
     return points.tolist(), faces.tolist()
 
 
-def _made(mesh: _Element, name: str) -> _Triangles:
+def _made(mesh: Element, name: str) -> _Triangles:
     """What MuJoCo makes of `builtin`, moved back from the principal axes where it keeps it."""
     from lxml import etree
 

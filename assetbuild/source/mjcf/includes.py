@@ -6,16 +6,12 @@ import json
 import posixpath
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
-from assetbuild.source.mjcf.text import AT, error_at, where_of
+from assetbuild.source.mjcf.text import AT, Element, error_at, where_of
 from assetbuild.source.urdf.xml import read_mjcf_text
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 
 class ListIncludes(Step):
@@ -55,7 +51,7 @@ class ListIncludes(Step):
         return iter(())
 
 
-def expanded(file: str, tree: Path, asked: _Element | None = None) -> _Element:
+def expanded(file: str, tree: Path, asked: Element | None = None) -> Element:
     """The <mujoco> element with every include in its place.
 
     asked: the element that names the file; None for the robot's own.
@@ -84,7 +80,7 @@ def expanded(file: str, tree: Path, asked: _Element | None = None) -> _Element:
     return root
 
 
-def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
+def _parsed(path: str, tree: Path, include: Element | None) -> Element:
     file = tree / path
     if not file.is_file():
         known = [p.relative_to(tree).as_posix() for p in sorted(tree.rglob("*.xml"))]
@@ -100,12 +96,12 @@ def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
     return root
 
 
-def folder_of(element: _Element) -> str:
+def folder_of(element: Element) -> str:
     """The folder of the file that an element stands in."""
     return posixpath.dirname(where_of(element).file)
 
 
-def below(element: _Element, folder: str, name: str | None = None) -> str:
+def below(element: Element, folder: str, name: str | None = None) -> str:
     """The path below the source's root that an element's `file`, or a name, stands for."""
     name = (element.get("file", "") if name is None else name).strip()
     if not name:

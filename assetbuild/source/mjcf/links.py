@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,10 +27,7 @@ from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.source.mjcf.compiled import Compiled
 from assetbuild.source.mjcf.opaque import attributes_of
 from assetbuild.source.mjcf.scenery import is_held
-from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import WORLD, Element, bodies, error_at, parts
 
 FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
@@ -117,7 +113,7 @@ def read_links(source: Compiled, base: Base | None) -> Links:
     return links
 
 
-def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
+def _root(tops: list[Element], source: Compiled, base: Base | None) -> Links:
     """The root body of the source, or the world where bodies, a joint or a tendon hang on it."""
     kinds = {str(top.get("name")): source.joint_kinds(str(top.get("name"))) for top in tops}
     free = [top for top in tops if kinds[str(top.get("name"))] == [FREE]]
@@ -142,7 +138,7 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
     return links
 
 
-def _add_body(links: Links, element: _Element, parent: str) -> None:
+def _add_body(links: Links, element: Element, parent: str) -> None:
     name, model = str(element.get("name")), links.source.model
     if FREE in links.source.joint_kinds(name) and name != links.root:
         hint = "one recipe builds one robot; its root alone may float"
@@ -212,7 +208,7 @@ def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
     )
 
 
-def _inertial(links: Links, element: _Element, name: str) -> Inertial | None:
+def _inertial(links: Links, element: Element, name: str) -> Inertial | None:
     model, index = links.source.model, links.source.id_of("body", name)
     mass = float(model.body_mass[index])
     if mass == 0.0 and not model.body_inertia[index].any():
@@ -224,7 +220,7 @@ def _inertial(links: Links, element: _Element, name: str) -> Inertial | None:
     return Inertial(mass, com, _as_stated(element, tensor))
 
 
-def _as_stated(body: _Element, compiled: Tensor) -> Tensor:
+def _as_stated(body: Element, compiled: Tensor) -> Tensor:
     """`fullinertia` by its own numbers: MuJoCo's diagonalisation of it is good to 3e-6 in 3.11.
 
     Only where both agree to that: a compiler option may have changed the tensor.
@@ -298,7 +294,7 @@ def _touching_apart(links: Links) -> list[str]:
     return [name for name in touching if name not in links.kept]
 
 
-def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
+def tendon_rest(tendon: Element, rest: Mapping[str, float]) -> float:
     """Length of a fixed tendon whose joints stand at their `ref`. rest: `ref` by joint."""
     moved = [child for child in tendon.iterchildren("joint") if child.get("joint") in rest]
     return sum(float(str(c.get("coef"))) * rest[str(c.get("joint"))] for c in moved)

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
@@ -23,10 +22,7 @@ from assetbuild.source.mjcf.links import BALL, Links, read_links
 from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
 from assetbuild.source.mjcf.sections import ORDER, read_sections
 from assetbuild.source.mjcf.shapes import read_geoms
-from assetbuild.source.mjcf.text import AT, WORLD, error_at, parts
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import AT, WORLD, Element, error_at, parts
 
 SOURCE_WARNING = Rule(
     "mjcf.source_warning", "warning", "MuJoCo warns about the source", "read the warning"
@@ -83,7 +79,7 @@ class ReadMjcf(Step):
         yield from _order(links, drives)
 
 
-def _source(folder: Path) -> _Element:
+def _source(folder: Path) -> Element:
     """`source.xml`, each element with the place where it stood."""
     from lxml import etree
 
@@ -241,7 +237,7 @@ def _ball(links: Links, index: int, attributes: Mapping[str, str]) -> dict[str, 
     return more
 
 
-def _keep_site(links: Links, element: _Element) -> None:
+def _keep_site(links: Links, element: Element) -> None:
     site, attributes = str(element.get("name")), links.source.classes.attributes(element)
     if site not in links.sites:
         return
@@ -257,7 +253,7 @@ def _keep_site(links: Links, element: _Element) -> None:
     links.keep("frame", "site", more, links.sites[site])
 
 
-def _camera(links: Links, element: _Element, body: str) -> Camera:
+def _camera(links: Links, element: Element, body: str) -> Camera:
     """The camera as the Robot has it; what else it says is kept."""
     name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("camera", name)

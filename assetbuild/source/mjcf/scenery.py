@@ -8,12 +8,12 @@ in the world floats, only one can be the robot: the one that actuators move. The
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.source.mjcf.text import (
     Classes,
+    Element,
     bodies,
     dropped,
     error_at,
@@ -25,9 +25,6 @@ from assetbuild.source.mjcf.text import (
     where_of,
     world_of,
 )
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 SCENERY = Rule(
     "mjcf.scenery",
@@ -66,13 +63,13 @@ _Names = set[_Name]
 class SeveralRobotsError(SourceError):
     """The file holds several robots. names: of their bodies in the world, in file order."""
 
-    def __init__(self, at: _Element, message: str, names: tuple[str, ...]) -> None:
+    def __init__(self, at: Element, message: str, names: tuple[str, ...]) -> None:
         hint = f"choose one in the recipe, `source: {{body: ...}}`: {', '.join(names[:8])}"
         super().__init__(message, where=where_of(at), hint=hint)
         self.names = names
 
 
-def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
+def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
     """Leave one robot in a world whose elements all have names. chosen: its body, by name.
 
     Raises SeveralRobotsError where the source does not tell which body is the robot.
@@ -91,7 +88,7 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
     classes = Classes(root)
     grounds = [g for g in parts(world, "geom") if classes.attributes(g).get("type") in GROUNDS]
     floors = {str(ground.get("name")) for ground in grounds}
-    standing: dict[str, _Element] = {}
+    standing: dict[str, Element] = {}
     for element, missing in _cut(root, gone, lost):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
         what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
@@ -112,7 +109,7 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
         )
 
 
-def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Finding]:
+def _on_any_floor(pairs: Mapping[str, Element], root: Element) -> Iterator[Finding]:
     """Let the geoms whose masks let them touch nothing touch floors, as their pair did.
 
     pairs: with the floor, by the geom's name. `conaffinity` alone meets a floor's `contype`, and no
@@ -142,14 +139,14 @@ def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Fin
         )
 
 
-def is_held(root: _Element) -> bool:
+def is_held(root: Element) -> bool:
     """Whether a tendon, actuator or equality ties the robot to a site or geom of the world."""
     of_world = set(_objects(world_of(root), "site", "geom"))
     elements = (e for section in ("tendon", "actuator", "equality") for e in _of(root, section))
     return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
 
 
-def _hangs(root: _Element, robot: list[_Element]) -> bool:
+def _hangs(root: Element, robot: list[Element]) -> bool:
     """Whether joints, tendons or several bodies make the world the root, see `read_links`."""
     classes = Classes(root)
     on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
@@ -157,7 +154,7 @@ def _hangs(root: _Element, robot: list[_Element]) -> bool:
 
 
 def _robot(
-    root: _Element, world: _Element, tops: Mapping[str, _Element], chosen: str | None
+    root: Element, world: Element, tops: Mapping[str, Element], chosen: str | None
 ) -> tuple[str, ...]:
     """Names of the bodies in the world that are the robot."""
     if chosen is not None:
@@ -185,11 +182,11 @@ def _robot(
     raise SeveralRobotsError(solid[names[-1]], message, names)
 
 
-def _kind(joint: _Element, classes: Classes) -> str:
+def _kind(joint: Element, classes: Classes) -> str:
     return "free" if joint.tag == "freejoint" else classes.attributes(joint).get("type", "hinge")
 
 
-def _driven(root: _Element, tops: Mapping[str, _Element]) -> tuple[str, ...]:
+def _driven(root: Element, tops: Mapping[str, Element]) -> tuple[str, ...]:
     """Those that an actuator acts on, if only through a tendon."""
     tendons = {str(t.get("name")): {n for c in t for n in _named(c)} for t in _of(root, "tendon")}
     pulled: _Names = set()
@@ -199,27 +196,27 @@ def _driven(root: _Element, tops: Mapping[str, _Element]) -> tuple[str, ...]:
     return tuple(name for name, top in tops.items() if pulled & _inside(top))
 
 
-def _whole(top: _Element) -> list[_Element]:
+def _whole(top: Element) -> list[Element]:
     return [top, *(body for body, _ in bodies(top))]
 
 
-def _inside(top: _Element) -> _Names:
+def _inside(top: Element) -> _Names:
     """(kind, name) of a body and of all on it and below it."""
     names = {("body", str(body.get("name"))) for body in _whole(top)}
     return names.union(*(_objects(body, *OBJECTS) for body in _whole(top)))
 
 
-def _objects(body: _Element, *tags: str) -> Iterator[_Name]:
+def _objects(body: Element, *tags: str) -> Iterator[_Name]:
     """(kind, name) of what stands on a body."""
     for one in parts(body, *tags):
         yield "joint" if one.tag == "freejoint" else str(one.tag), str(one.get("name"))
 
 
-def _of(root: _Element, section: str) -> list[_Element]:
+def _of(root: Element, section: str) -> list[Element]:
     return list(root.iterfind(f"{section}/*"))
 
 
-def _named(element: _Element) -> Iterator[tuple[str, str]]:
+def _named(element: Element) -> Iterator[tuple[str, str]]:
     """(kind, name) of all that an element names."""
     stated = own_attributes(element)
     yield from ((kind, name) for key, name in stated.items() if (kind := kind_of(key, stated)))
@@ -235,7 +232,7 @@ def kind_of(key: str, stated: Mapping[str, str]) -> str:
 # --- cutting --------------------------------------------------------------------------------
 
 
-def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tuple[_Element, str]]:
+def _cut(root: Element, gone: Iterable[Element], lost: _Names) -> Iterator[tuple[Element, str]]:
     """Yield each element that refers to what is lost, with the name of that."""
     owners = _owners(root)
     for top in gone:
@@ -255,7 +252,7 @@ def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tup
         _slice(key, owners, lost)
 
 
-def _owners(root: _Element) -> dict[str, list[_Name]]:
+def _owners(root: Element) -> dict[str, list[_Name]]:
     """By attribute of a keyframe, whose each of its numbers is, in MuJoCo's order."""
     actuators = [("actuator", str(actuator.get("name"))) for actuator in _of(root, "actuator")]
     owners: dict[str, list[_Name]] = {"qpos": [], "qvel": [], "ctrl": actuators}
@@ -267,7 +264,7 @@ def _owners(root: _Element) -> dict[str, list[_Name]]:
     return owners
 
 
-def _slice(key: _Element, owners: Mapping[str, list[_Name]], lost: _Names) -> None:
+def _slice(key: Element, owners: Mapping[str, list[_Name]], lost: _Names) -> None:
     """Keep the numbers of a keyframe that belong to what stays; MuJoCo refuses a wrong count."""
     for word, row in owners.items():
         numbers = key.get(word, "").split()

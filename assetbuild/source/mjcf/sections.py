@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.loops import FAR
@@ -33,10 +33,7 @@ from assetbuild.source.mjcf.links import (
 )
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import kind_of
-from assetbuild.source.mjcf.text import WORLD, dropped, error_at, own_attributes, where_of
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, own_attributes, where_of
 
 NOT_READ = ("visual", "statistic", "size", "custom", "extension", "deformable", "skin")
 """Sections without a place in a robot: how it is shown, and what belongs to programs."""
@@ -103,7 +100,7 @@ def read_sections(links: Links, drives: Drives) -> Control:
     )
 
 
-def _elements(links: Links, section: str) -> Iterator[tuple[_Element, str, dict[str, str]]]:
+def _elements(links: Links, section: str) -> Iterator[tuple[Element, str, dict[str, str]]]:
     """(element, its name, its attributes) of a section; a site may have another name here."""
     for element in links.source.root.iterfind(f"{section}/*"):
         stated = links.source.classes.attributes(element)
@@ -115,7 +112,7 @@ def _translated(links: Links, stated: Mapping[str, str]) -> dict[str, str]:
     return {k: sites.get(v, v) if kind_of(k, stated) == "site" else v for k, v in stated.items()}
 
 
-def _keep(links: Links, section: str, element: _Element, stated: Mapping[str, str]) -> None:
+def _keep(links: Links, section: str, element: Element, stated: Mapping[str, str]) -> None:
     """Leave an element to MJCF, with its children."""
     children = ((str(c.tag), _translated(links, own_attributes(c))) for c in element)
     named = {"name": str(element.get("name"))} if element.get("name") else {}
@@ -159,7 +156,7 @@ def _loops(links: Links) -> Iterator[Loop]:
         _keep(links, "equality", element, stated)
 
 
-def _mimic(links: Links, element: _Element, index: int, stated: Mapping[str, str]) -> bool:
+def _mimic(links: Links, element: Element, index: int, stated: Mapping[str, str]) -> bool:
     """Whether it is a linear coupling of two joints; its words that are no mimic's stay with it."""
     coupling = coupling_of(str(element.tag), links.source.model, index, stated)
     joints = coupling and coupled(links.joints, *coupling)
@@ -172,7 +169,7 @@ def _mimic(links: Links, element: _Element, index: int, stated: Mapping[str, str
     return True
 
 
-def _loop(links: Links, element: _Element, index: int, stated: Mapping[str, str]) -> Loop | None:
+def _loop(links: Links, element: Element, index: int, stated: Mapping[str, str]) -> Loop | None:
     """Two bodies that are held together; None of one that is switched off, and of a tether."""
     model, name = links.source.model, str(element.get("name"))
     if not bool(model.eq_active0[index]) or leftover(stated, LOOP_WORDS):
@@ -264,7 +261,7 @@ def _sensors(links: Links, driven: Mapping[str, str]) -> Iterator[Sensor]:
 
 
 def _sensor(
-    element: _Element, stated: Mapping[str, str], driven: Mapping[str, str]
+    element: Element, stated: Mapping[str, str], driven: Mapping[str, str]
 ) -> Sensor | None:
     """The sensor in the Robot's words; None when they do not say all of it.
 
@@ -288,7 +285,7 @@ def _sensor(
     return Sensor(str(element.get("name")), str(element.tag), at, relative, cutoff, noise)
 
 
-def _keyframe(links: Links, element: _Element) -> Keyframe:
+def _keyframe(links: Links, element: Element) -> Keyframe:
     """A pose at rest."""
     name, model = str(element.get("name")), links.source.model
     qpos = [float(v) for v in model.key_qpos[links.source.id_of("key", name)]]
@@ -322,7 +319,7 @@ def _gravity(model: Model) -> Vec3:
     return (0.0, 0.0, 0.0) if off else vec3(model.opt.gravity)
 
 
-def _options(root: _Element, model: Model) -> MjcfOnly:
+def _options(root: Element, model: Model) -> MjcfOnly:
     """`<option>` as the source compiles: what it leaves to MuJoCo's defaults is said too.
 
     Without the flag `gravity`: see `_gravity`.
@@ -344,7 +341,7 @@ def _options(root: _Element, model: Model) -> MjcfOnly:
     return MjcfOnly("option", element_text("option", dict(sorted(stated.items())), children))
 
 
-def _not_read(root: _Element) -> Iterator[Finding]:
+def _not_read(root: Element) -> Iterator[Finding]:
     for tag in NOT_READ:
         elements = root.findall(tag)
         if elements:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain, count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.model import Contact, MjcfOnly
@@ -25,11 +25,7 @@ from assetbuild.simulators.mujoco import Model
 from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
-from assetbuild.source.mjcf.text import WORLD, dropped, error_at, parts, where_of
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
+from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, parts, where_of
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
@@ -93,7 +89,7 @@ class Geoms:
         self.meshes = {m.get("name"): m for m in root.iterfind("asset/mesh")}
         self.drawn: set[str] = set()
 
-    def read(self, geom: _Element, body: str) -> None:
+    def read(self, geom: Element, body: str) -> None:
         """Take one over, from a body of the robot."""
         name, attributes = str(geom.get("name")), self.classes.attributes(geom)
         if attributes.get("type") == "hfield":
@@ -135,7 +131,7 @@ class Geoms:
             more["rgba"] = words(self._colour(index))
         self.links.keep("shape", "geom", more, name)
 
-    def _only_mjcf(self, geom: _Element, attributes: dict[str, str], body: str, index: int) -> None:
+    def _only_mjcf(self, geom: Element, attributes: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
         kind = attributes.get("type", "sphere")
         if kind == "sdf":
@@ -151,7 +147,7 @@ class Geoms:
 
     # --- meshes and looks ---------------------------------------------------------------------
 
-    def _mesh(self, geom: _Element, name: str) -> tuple[MeshFile, Pose]:
+    def _mesh(self, geom: Element, name: str) -> tuple[MeshFile, Pose]:
         """The mesh file with a scale, and where it stands in the geom.
 
         MuJoCo: vertex = S Rᵀ (v - p) with `scale`, `refquat`, `refpos`. With one scale s for all
@@ -205,7 +201,7 @@ class Geoms:
             self.links.mjcf_only += [replace(item, owner=name) for item in same]
         return name
 
-    def _look(self, look: _Element, name: str) -> Material:
+    def _look(self, look: Element, name: str) -> Material:
         if name in self.materials:
             return self.materials[name]
         attributes = self.classes.attributes(look)
