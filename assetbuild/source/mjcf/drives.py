@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
-from assetbuild.simulators.mujoco import Model, mj
-from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
-from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
+from assetbuild.simulators.mujoco import Model, actuators, mj
+from assetbuild.simulators.mujoco.drives import read_drive
+from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
 from assetbuild.source.mjcf.text import Element, dropped, error_at, where_of
 
@@ -48,8 +48,8 @@ def read_drives(links: Links) -> Drives:
     drives, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
     moving = {joint.name: joint for joint in links.joints if joint.kind in MOVING}
-    levers = [_lever(model, index) for index in range(len(model.actuator_trntype))]
-    joints = [joint for joint, _ in levers]
+    levers = [read_drive(model, index) for index in actuators(model)]
+    joints = [lever.joint_name if lever else "" for lever in levers]
     for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))
         index = links.source.id_of("actuator", name)
@@ -58,13 +58,13 @@ def read_drives(links: Links) -> Drives:
             hint = "it says nothing about the robot itself"
             lost = dropped("actuator", f"actuator {name}", message, hint, attributes=("user",))
             links.findings.append(lost)
-        joint, gear = levers[index]
+        joint, lever = joints[index], levers[index]
         taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
         alone = int(model.actuator_trntype[index]) not in STRAIGHT
-        if taken is not None:
+        if taken is not None and lever is not None:
             scaled = None if joint in links.rest else _scaled(taken)
             alone = alone or scaled is not None
-            taken = _at_rest(_geared(scaled or taken, gear), links.rest.get(joint, 0.0))
+            taken = _at_rest(_geared(scaled or taken, lever.gear), links.rest.get(joint, 0.0))
             driven[joint] = replace(taken, joint=joint, name=name)
         if taken is None or alone:
             owner = joint if taken else ""
@@ -126,19 +126,6 @@ def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:
         armature=float(model.dof_armature[dof]),
         source="the source's MJCF" if actuator.model != "passive" else "",
     )
-
-
-def _lever(model: Model, index: int) -> tuple[str, float]:
-    """(the hinge or slide that an actuator drives, its gear there); ("", 0) for any other.
-
-    A tendon over joints that follow one another drives the one that leads, see `levers`.
-    """
-    joint, gear = int(model.actuator_trnid[index][0]), float(model.actuator_gear[index, 0])
-    if int(model.actuator_trntype[index]) not in STRAIGHT:
-        joint, gear = tendon_lever(model, index) or (-1, 0.0)
-    elif int(model.jnt_type[joint]) not in (SLIDE, HINGE):
-        joint = -1
-    return (str(model.joint(joint).name), gear) if joint >= 0 else ("", 0.0)
 
 
 def _taken(model: Model, index: int) -> Actuator | None:
@@ -208,8 +195,6 @@ def _geared(actuator: Actuator, gear: float) -> Actuator:
     MuJoCo's length is gear q and its force pulls with gear f: a stiffness counts gear^2 times, a
     limit of the force |gear| times. A command is a position or a speed of the actuator, or a force.
     """
-    if gear == 1.0:
-        return actuator
     geared = replace(
         actuator,
         gear=gear,

@@ -5,9 +5,8 @@ Meshes whose points stand in the MJCF itself, or that MuJoCo makes, become OBJ f
 
 from __future__ import annotations
 
-import json
 import posixpath
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -20,7 +19,7 @@ from assetbuild.robot.pose import Array, normalised_quat, rotation_of
 from assetbuild.simulators.mujoco import mj
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
-from assetbuild.source.mjcf.scenery import cut_scenery
+from assetbuild.source.mjcf.scenery import JOINTS, cut_scenery
 from assetbuild.source.mjcf.text import (
     AT,
     WORLD,
@@ -82,11 +81,10 @@ class FlattenMjcf(Step):
         name_all(root)
         findings += cut_scenery(root, self.body)
         findings += write_inline(root, files.outputs / "inline")
-        (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
-        lines = [str(element.get(AT)) for element in root.iter("*")]
-        (files.outputs / "lines.json").write_text(_json(lines), encoding="ascii")
-        source_map = {"file": self.file, "lines": _source_map(root, self.file)}
-        (files.outputs / "source_map.json").write_text(_json(source_map), encoding="ascii")
+        files.write_json("meshes.json", _meshes(root))
+        files.write_json("lines.json", [str(element.get(AT)) for element in root.iter("*")])
+        lines = _source_map(root, self.file)
+        files.write_json("source_map.json", {"file": self.file, "lines": lines})
         for element in root.iter("*"):
             element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
@@ -117,10 +115,6 @@ def _without_sensors_of_plugins(root: Element) -> Iterator[Finding]:
     if len(declared) == len(list(root.iter("plugin"))):
         for plugin in declared:
             remove(plugin)
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, sort_keys=True, indent=1) + "\n"
 
 
 # --- files ----------------------------------------------------------------------------------
@@ -178,29 +172,20 @@ def _meshes(root: Element) -> list[dict[str, object]]:
 
 def _source_map(root: Element, main: str) -> dict[str, object]:
     """Line by subject; `file:line` where an included file says it."""
-    lines: dict[str, object] = {}
-
-    def note(subject: str, element: Element) -> None:
-        where = where_of(element)
-        lines.setdefault(subject, where.line if where.file == main else str(where))
-
-    note("robot", root)
     around = named_bodies(root)
-    for body, name in around[1:]:
-        note(f"link {name}", body)
-    for body, _ in around:
-        for part in parts(body, *_SUBJECTS):
-            note(f"{_SUBJECTS[str(part.tag)]} {part.get('name')}", part)
-    for mesh in root.iterfind("asset/mesh"):
-        note(f"mesh {mesh.get('file')}", mesh)
-    for material in root.iterfind("asset/material"):
-        note(f"material {material.get('name')}", material)
-    for section in ("actuator", "sensor", "equality", "tendon"):
+    elements = [("robot", root), *((f"link {name}", body) for body, name in around[1:])]
+    on_bodies = (part for body, _ in around for part in parts(body, *_SUBJECTS))
+    elements += [(f"{_SUBJECTS[str(part.tag)]} {part.get('name')}", part) for part in on_bodies]
+    elements += [(f"mesh {mesh.get('file')}", mesh) for mesh in root.iterfind("asset/mesh")]
+    elements += [(f"material {m.get('name')}", m) for m in root.iterfind("asset/material")]
+    for section in SECTIONS:
         for element in root.iterfind(f"{section}/*"):
             target = element.get("joint") if section == "actuator" else None
-            note(f"{section} {target or element.get('name')}", element)
-    for key in root.iterfind("keyframe/key"):
-        note(f"keyframe {key.get('name')}", key)
+            elements.append((f"{section} {target or element.get('name')}", element))
+    lines: dict[str, object] = {}
+    for subject, element in elements:
+        where = where_of(element)
+        lines.setdefault(subject, where.line if where.file == main else str(where))
     return lines
 
 
@@ -223,38 +208,34 @@ def name_all(root: Element) -> None:
     for body, parent in bodies(world_of(root)):  # named before those on it are looked at
         if not body.get("name"):
             body.set("name", free_name("body" if parent == WORLD else f"{parent}_body", taken))
-    _name_parts(root)
+    classes, around = Classes(root), named_bodies(root)
+    for tags in (JOINTS, ("geom",), ("site",), ("camera",), ("light",)):
+        on_bodies = {part: name for body, name in around for part in parts(body, *tags)}
+        _name({part: f"{name}_{_role(part, classes)}" for part, name in on_bodies.items()})
     for asset in root.iterchildren("asset"):
         for tag in ("mesh", "material", "texture", "hfield"):
-            elements = list(asset.iterchildren(tag))
-            _name(elements, lambda e: PurePosixPath(e.get("file", "")).stem or str(e.tag))
+            elements = asset.iterchildren(tag)
+            _name({e: PurePosixPath(e.get("file", "")).stem or tag for e in elements})
     for section in SECTIONS:
         for node in root.iterchildren(section):
-            _name(list(node.iterchildren("*")), _acting_name)
+            _name({element: _acting_name(element) for element in node.iterchildren("*")})
 
 
-def _name_parts(root: Element) -> None:
-    classes, around = Classes(root), named_bodies(root)
-    for tags in (("joint", "freejoint"), ("geom",), ("site",), ("camera",), ("light",)):
-        elements = [(part, name) for body, name in around for part in parts(body, *tags)]
-        taken = {str(part.get("name")) for part, _ in elements if part.get("name")}
-        for part, body_name in elements:
-            if not part.get("name"):
-                suffix = _role(classes.attributes(part)) if part.tag == "geom" else tags[0]
-                part.set("name", free_name(f"{body_name}_{suffix}", taken))
-
-
-def _role(attributes: dict[str, str]) -> str:
-    """Whether a geom's masks let it touch anything."""
+def _role(part: Element, classes: Classes) -> str:
+    """What a part is called after its body: of a geom, whether its masks let it touch anything."""
+    if part.tag != "geom":
+        return "joint" if part.tag in JOINTS else str(part.tag)
+    attributes = classes.attributes(part)
     masks = [attributes.get(key, "1").strip() for key in ("contype", "conaffinity")]
     return "visual" if all(mask in ("0", "+0") for mask in masks) else "collision"
 
 
-def _name(elements: list[Element], wanted: Callable[[Element], str]) -> None:
-    taken = {str(element.get("name")) for element in elements if element.get("name")}
-    for element in elements:
+def _name(wanted: Mapping[Element, str]) -> None:
+    """Name the elements without a name as wanted, or with a number behind it."""
+    taken = {str(element.get("name")) for element in wanted if element.get("name")}
+    for element, name in wanted.items():
         if not element.get("name"):
-            element.set("name", free_name(wanted(element), taken))
+            element.set("name", free_name(name, taken))
 
 
 def _acting_name(element: Element) -> str:

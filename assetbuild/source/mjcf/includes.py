@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import posixpath
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,7 +46,7 @@ class ListIncludes(Step):
                         waiting.append((included, main if element.tag == "include" else included))
             except SourceError:
                 continue
-        (files.outputs / "includes.json").write_text(json.dumps(sorted(wanted)), encoding="ascii")
+        files.write_json("includes.json", sorted(wanted))
         return iter(())
 
 

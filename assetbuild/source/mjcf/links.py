@@ -29,7 +29,7 @@ from assetbuild.source.mjcf.opaque import attributes_of
 from assetbuild.source.mjcf.scenery import is_held
 from assetbuild.source.mjcf.text import WORLD, Element, bodies, error_at, parts
 
-FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
+FREE, BALL, SLIDE = 0, 1, 2
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 JOINT_POS = Rule(
@@ -250,12 +250,10 @@ def _keep_origin(links: Links, name: str) -> None:
 def _add_sites(links: Links) -> None:
     taken = {body.name for body in links.bodies}
     on_bodies = [(owner, body) for owner, body in links.source.bodies if body in links.shift]
-    for site, body in [
-        (str(element.get("name")), body)
-        for owner, body in on_bodies
-        for element in parts(owner, "site")
+    for element, body in [
+        (site, body) for owner, body in on_bodies for site in parts(owner, "site")
     ]:
-        name = site
+        site = name = str(element.get("name"))
         while name in taken:
             name += "_site"
         taken.add(name)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import chain, count
 from typing import Any
 
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
@@ -190,16 +191,15 @@ class Geoms:
         if look is not None and known.rgba == colour:
             return known.name
         base = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
-        for name in chain((base,), (f"{base}_{n}" for n in count(2))):
-            existing = self.materials.get(name)
-            if existing is None or existing == replace(known, name=name, rgba=colour):
-                break
-        if existing is None:
-            self.materials[name] = replace(known, name=name, rgba=colour)
+        names = chain((base,), (f"{base}_{n}" for n in count(2)))
+        looks = (replace(known, name=name, rgba=colour) for name in names)
+        worn = next(o for o in looks if self.materials.get(o.name) in (None, o))
+        if worn.name not in self.materials:
+            self.materials[worn.name] = worn
             stated = ("material", known.name)
             same = [i for i in self.links.mjcf_only if (i.place, i.owner) == stated]
-            self.links.mjcf_only += [replace(item, owner=name) for item in same]
-        return name
+            self.links.mjcf_only += [replace(item, owner=worn.name) for item in same]
+        return worn.name
 
     def _look(self, look: Element, name: str) -> Material:
         if name in self.materials:
@@ -266,11 +266,10 @@ def _numbers(
 
 def _drawn(names: list[str], *, alone: bool) -> Finding:
     """alone: the robot has no visual shape at all, so URDF and USD show nothing."""
-    shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
     return VISIBLE_COLLISION(
         "robot",
-        f"{len(names)} geoms collide and are drawn: {shown}; in URDF and USD they only collide"
-        + (", so viewers of these show nothing of the robot" if alone else ""),
+        f"{len(names)} geoms collide and are drawn: {quoted(names, 6)}; in URDF and USD they only "
+        "collide" + (", so viewers of these show nothing of the robot" if alone else ""),
         severity="warning" if alone else "info",
         data={"geoms": len(names)},
     )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast, get_args
 
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import did_you_mean, quoted
 from assetbuild.findings import Rule
 from assetbuild.robot.model import (
     URDF_UNLIMITED,
@@ -113,22 +113,26 @@ def build_tree(
 def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node]) -> str:
     roots = [link for link in links if link not in above]
     if len(roots) > 1:
-        names = ", ".join(f"`{link}`" for link in roots[:8]) + (", ..." if len(roots) > 8 else "")
-        message = f"{len(roots)} links have no parent: {names}"
+        message = f"{len(roots)} links have no parent: {quoted(roots, 8)}"
         hint = "connect all but one by a joint, of type `fixed` if they do not move"
         raise nodes[f"link {roots[1]}"].about("").error(message, hint)
-    for start in links:
-        loop: list[str] = []
-        link = start
-        while link in above and link not in loop:
-            loop.append(link)
-            link = above[link].parent
-        if link in loop:
-            ring = [*loop[loop.index(link) :], link][::-1]
-            way = " -> ".join(f"`{name}`" for name in ring[:12])
-            node = nodes[f"joint {above[link].name}"]
-            raise node.error(f"the joints close a loop: {way}", "a robot is a tree with one root")
+    parents = {link: joint.parent for link, joint in above.items()}
+    for circle in filter(None, (_circle(link, parents) for link in links)):
+        ring = circle[circle.index(circle[-1]) :][::-1]
+        way = " -> ".join(f"`{name}`" for name in ring[:12])
+        node = nodes[f"joint {above[ring[0]].name}"]
+        raise node.error(f"the joints close a loop: {way}", "a robot is a tree with one root")
     return roots[0]
+
+
+def _circle(start: str, above: Mapping[str, str]) -> list[str]:
+    """The way up from a name until one comes again; nothing where it ends."""
+    way = [start]
+    while (name := above.get(way[-1])) is not None:
+        if name in way:
+            return [*way, name]
+        way.append(name)
+    return []
 
 
 def _link(node: Node, links: Mapping[str, Node]) -> str:
@@ -219,13 +223,9 @@ def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
 
 def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
     leader = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
-    for start in leader:
-        seen = [start]
-        while (following := leader.get(seen[-1])) is not None:
-            if following in seen:
-                way = " -> ".join(f"`{name}`" for name in [*seen, following])
-                raise nodes[f"joint {start}"].error(f"mimic joints follow one another: {way}")
-            seen.append(following)
+    for circle in filter(None, (_circle(name, leader) for name in leader)):
+        way = " -> ".join(f"`{name}`" for name in circle)
+        raise nodes[f"joint {circle[0]}"].error(f"mimic joints follow one another: {way}")
 
 
 def _hold_followers(joints: list[Joint], nodes: Mapping[str, Node]) -> list[Joint]:

@@ -51,13 +51,13 @@ class Paths:
         Whether the file exists is not asked here.
         """
         kind, assumption, path = self._meaning(node)
-        if kind:
+        if assumption:
             uri = node.text("filename").strip()
             self.taken.setdefault(kind, []).append((assumption, uri, path, node.line))
         return path
 
     def _meaning(self, node: Node) -> tuple[str, str, str]:
-        """(kind, how it was taken, normalised path); kind: "" where all readers agree."""
+        """(kind, how it was taken, normalised path); "" for how where all readers agree."""
         uri = node.text("filename").strip()
         if "\\" in uri:
             raise node.error(f"{node.tag} filename `{uri}` has a backslash", "write `/` instead")
@@ -75,11 +75,10 @@ class Paths:
         """As `_meaning`, not normalised."""
         match = _SCHEME.match(uri)
         scheme = match[1] if match else ""
-        if scheme == "package":
-            return "", "", self._in_package(node, uri, uri.removeprefix("package:"))
-        if scheme == "model":
-            assumption = "`model://` was taken for `package://`"
-            return "model", assumption, self._in_package(node, uri, uri.removeprefix("model:"))
+        if scheme in ("package", "model"):
+            path = self._in_package(node, uri, uri.removeprefix(f"{scheme}:"))
+            assumption = "`model://` was taken for `package://`" if scheme == "model" else ""
+            return scheme, assumption, path
         if scheme not in ("", "file"):
             raise node.error(f"{node.tag} filename `{uri}`: `{scheme}:` cannot be followed", _HINT)
         path = uri.removeprefix("file:")
@@ -98,11 +97,8 @@ class Paths:
         start = self.relative_to if self.relative_to is not None else posixpath.dirname(self.file)
         whole = posixpath.join(start, plain)
         if scheme:
-            return (
-                "file",
-                f"`file:` without an absolute path was taken to start at `{start}`",
-                whole,
-            )
+            assumption = f"`file:` without an absolute path was taken to start at `{start}`"
+            return "file", assumption, whole
         if self.relative_to is None or start == posixpath.dirname(self.file):
             return "", "", whole
         return "relative", f"relative names were taken to start at `{start}`", whole

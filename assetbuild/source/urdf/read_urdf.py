@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -108,10 +107,8 @@ class ReadUrdf(Step):
         shapes = SourceShapes(tuple(geometries.shapes), tuple(geometries.materials.values()))
         (out / "links.json").write_bytes(encode(tree))
         (out / "shapes.json").write_bytes(encode(shapes))
-        source_map = self._source_map(root, nodes, geometries)
-        for file, value in (("meshes.json", used), ("source_map.json", source_map)):
-            text = json.dumps(value, sort_keys=True, indent=1)
-            (out / file).write_text(text + "\n", encoding="ascii")
+        files.write_json("meshes.json", used)
+        files.write_json("source_map.json", self._source_map(root, nodes, geometries))
         (out / "source.urdf").write_bytes(canonical(root))
         paths.report(root)
         _report_strays(root)
