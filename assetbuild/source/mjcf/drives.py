@@ -85,8 +85,7 @@ def read_drives(links: Links) -> Drives:
         drives.mjcf_only += [MjcfOnly("drive", element_text(*one), joint) for one in more]
     for name, moved in moving.items():
         actuator = driven.get(name, Actuator(name, "passive"))
-        at = int(model.joint(name).id)
-        clamp = _range(model.jnt_actfrclimited[at], model.jnt_actfrcrange[at])
+        clamp = _range(model, "jnt_actfrc", int(model.joint(name).id))
         limited, words_of_its_own = _clamped(actuator, clamp)
         drives.actuators.append(_of_joint(limited, moved, model))
         if words_of_its_own:
@@ -135,14 +134,14 @@ def _taken(model: Model, index: int) -> Actuator | None:
     plain = plain and not int(model.actuator_actlimited[index]) and not _extended(model, index)
     if not plain or int(model.actuator_plugin[index]) >= 0:
         return None
-    force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
+    force = _range(model, "actuator_force", index)
     if force is not None and force[0] != -force[1]:
         return None
     kinds = _kinds(model, index)
     if any(kind in ALONE or kind not in KINDS[part] for part, kind in kinds.items()):
         return None
     effort = force[1] if force else None
-    ctrl = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
+    ctrl = _range(model, "actuator_ctrl", index)
     dyn, gain, bias = (
         [float(v) for v in getattr(model, f"actuator_{part}prm")[index]] for part in KINDS
     )
@@ -269,10 +268,10 @@ def _whole(element: Element, links: Links, index: int) -> str:
     if int(model.actuator_group[index]):
         attributes["group"] = str(int(model.actuator_group[index]))
     for kind in ("ctrl", "force", "act"):
-        limited = bool(getattr(model, f"actuator_{kind}limited")[index])
-        attributes[f"{kind}limited"] = "true" if limited else "false"
-        if limited:
-            attributes[f"{kind}range"] = words(getattr(model, f"actuator_{kind}range")[index])
+        limits = _range(model, f"actuator_{kind}", index)
+        attributes[f"{kind}limited"] = "true" if limits else "false"
+        if limits:
+            attributes[f"{kind}range"] = words(limits)
     if model.actuator_actearly[index]:
         attributes["actearly"] = "true"
     return element_text("general", attributes)
@@ -285,7 +284,7 @@ def _resting(model: Model, index: int) -> float:
     if kinds["gain"] == "fixed" and kinds["bias"] == "affine" and kinds["dyn"] in STEADY and gain:
         constant, stiff = (float(value) for value in model.actuator_biasprm[index][:2])
         command = 0.0 - (constant + stiff * float(model.actuator_length0[index])) / gain
-    limits = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
+    limits = _range(model, "actuator_ctrl", index)
     return min(max(command, limits[0]), limits[1]) if limits else command
 
 
@@ -317,8 +316,10 @@ def _extended(model: Model, index: int) -> bool:
     )
 
 
-def _range(limited: Any, values: Any) -> tuple[float, float] | None:  # Any: entries of the model
-    return (float(values[0]), float(values[1])) if limited else None
+def _range(model: Model, what: str, index: int) -> tuple[float, float] | None:
+    """The range of a force or command that limits an entry of the model."""
+    lower, upper = (float(end) for end in getattr(model, f"{what}range")[index])
+    return (lower, upper) if getattr(model, f"{what}limited")[index] else None
 
 
 def _trimmed(values: Any) -> tuple[float, ...]:  # Any: a row of the model

@@ -26,7 +26,7 @@ from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.source.mjcf.compiled import Compiled
 from assetbuild.source.mjcf.opaque import attributes_of
-from assetbuild.source.mjcf.scenery import is_held
+from assetbuild.source.mjcf.scenery import hangs
 from assetbuild.source.mjcf.text import WORLD, Element, bodies, error_at, parts
 
 FREE, BALL, SLIDE = 0, 1, 2
@@ -115,18 +115,14 @@ def read_links(source: Compiled, base: Base | None) -> Links:
 
 def _root(tops: list[Element], source: Compiled, base: Base | None) -> Links:
     """The root body of the source, or the world where bodies, a joint or a tendon hang on it."""
-    kinds = {str(top.get("name")): source.joint_kinds(str(top.get("name"))) for top in tops}
-    free = [top for top in tops if kinds[str(top.get("name"))] == [FREE]]
-    top, name = tops[0], str(tops[0].get("name"))
-    held = not free and (bool(kinds[name]) or is_held(source.root))
-    if len(tops) > 1 or held:
+    name = str(tops[0].get("name"))
+    if hangs(source.root, tops):
         if base == "floating":
-            hint = "write `base: fixed`"
-            raise error_at(
-                top, "joints or tendons connect the robot to the world: it cannot float", hint
-            )
+            message = "joints or tendons connect the robot to the world: it cannot float"
+            raise error_at(tops[0], message, "write `base: fixed`")
         bodies = [Body(WORLD)]
         return Links(source, "fixed", WORLD, bodies, kept=[WORLD], shift={WORLD: ORIGIN})
+    free = source.joint_kinds(name) == [FREE]
     stated: Base = "floating" if free else "fixed"
     links = Links(source, base or stated, name, mount=source.pose_of("body", name))
     if free:

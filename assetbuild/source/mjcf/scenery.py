@@ -79,7 +79,7 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
     kept = _robot(root, world, tops, chosen)
     gone = [top for name, top in tops.items() if name not in kept]
     lost = set[_Name]().union(*map(_inside, gone))
-    if not _hangs(root, [tops[name] for name in kept]):
+    if not hangs(root, [tops[name] for name in kept]):
         lost |= set(_objects(world, "site", "geom"))
     for compiler in root.iterchildren("compiler") if gone else ():
         if float(compiler.get("settotalmass", "-1")) > 0.0:
@@ -139,18 +139,18 @@ def _on_any_floor(pairs: Mapping[str, Element], root: Element) -> Iterator[Findi
         )
 
 
-def is_held(root: Element) -> bool:
+def _is_held(root: Element) -> bool:
     """Whether a tendon, actuator or equality ties the robot to a site or geom of the world."""
     of_world = set(_objects(world_of(root), "site", "geom"))
     elements = (e for section in ("tendon", "actuator", "equality") for e in _of(root, section))
     return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
 
 
-def _hangs(root: Element, robot: list[Element]) -> bool:
-    """Whether joints, tendons or several bodies make the world the root, see `read_links`."""
+def hangs(root: Element, robot: list[Element]) -> bool:
+    """Whether joints, tendons or several bodies make the world the root of the robot."""
     classes = Classes(root)
     on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
-    return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or is_held(root)))
+    return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or _is_held(root)))
 
 
 def _robot(

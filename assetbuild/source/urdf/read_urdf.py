@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydantic import Field
@@ -14,15 +14,10 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Joint
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.source.urdf.joints import build_tree, read_joint
-from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
+from assetbuild.source.urdf.links import named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
 from assetbuild.source.urdf.tidy import read_tidy
-from assetbuild.source.urdf.xml import (
-    Node,
-    canonical,
-    homeless,
-    strays,
-)
+from assetbuild.source.urdf.xml import Node, canonical, unread
 
 DROPPED = Rule(
     "urdf.dropped",
@@ -108,23 +103,19 @@ class ReadUrdf(Step):
         (out / "links.json").write_bytes(encode(tree))
         (out / "shapes.json").write_bytes(encode(shapes))
         files.write_json("meshes.json", used)
-        files.write_json("source_map.json", self._source_map(root, nodes, geometries))
-        (out / "source.urdf").write_bytes(canonical(root))
-        paths.report(root)
-        _report_strays(root)
-        _report_dropped(root)
-        return root.findings
-
-    def _source_map(
-        self, root: Node, nodes: dict[str, Node], geometries: Geometries
-    ) -> dict[str, object]:
+        homeless, strays = unread(root)
         lines = {"robot": root.line}
         lines |= {subject: node.line for subject, node in nodes.items()}
         lines |= geometries.lines
         lines |= {f"mesh {path}": int(use["line"]) for path, use in geometries.uses.items()}
-        lines |= {f"element {kind}": nodes[0].line for kind, nodes in homeless(root).items()}
-        lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays(root))}
-        return {"file": self.file, "lines": lines}
+        lines |= {f"element {kind}": found[0].line for kind, found in homeless.items()}
+        lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays)}
+        files.write_json("source_map.json", {"file": self.file, "lines": lines})
+        (out / "source.urdf").write_bytes(canonical(root))
+        paths.report(root)
+        _report_strays(strays)
+        _report_homeless(root, homeless)
+        return root.findings
 
 
 def _leave_out_world(root: Node) -> None:
@@ -153,9 +144,9 @@ def without_meshes(file: Path, urdf: bytes, base: Base = "fixed") -> ReadUrdf:
     return ReadUrdf(file=str(file.absolute()), base=base, packages=packages)
 
 
-def _report_dropped(root: Node) -> None:
+def _report_homeless(root: Node, homeless: Mapping[str, list[Node]]) -> None:
     """One finding for each kind of thing that the robot model has no place for."""
-    for kind, nodes in homeless(root).items():
+    for kind, nodes in homeless.items():
         attribute, _, tag = kind.rpartition(" of ")
         what = f"attribute `{attribute}` of <{tag}>" if attribute else f"<{kind}>"
         times = f", {len(nodes)} times" if len(nodes) > 1 else ""
@@ -192,14 +183,14 @@ def _moves(node: Node) -> bool:
     return not pulls or "springStiffness" in values
 
 
-def _report_strays(root: Node) -> None:
+def _report_strays(strays: Sequence[Node]) -> None:
     """Parts of links and joints that stand elsewhere, with the mass that vanishes with them."""
-    for stray in strays(root):
+    for stray in strays:
         tag = stray.tag
         mass = stray if tag == "mass" else stray.only("mass")
         value = mass.get("value") if mass is not None else None
         weighs = f" of {value} kg" if value else ""
-        root.about(f"element {tag}").report(
+        stray.about(f"element {tag}").report(
             STRAY,
             f"<{tag}>{weighs} on line {stray.line} is misplaced and ignored, as by every "
             "other reader",

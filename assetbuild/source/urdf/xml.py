@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -304,37 +304,29 @@ HOME: Mapping[str, Home] = {
 """The format, by element."""
 
 
-def homeless(root: Node) -> dict[str, list[Node]]:
-    """The elements of each kind that the model has no place for, or that have such an attribute.
+def unread(root: Node) -> tuple[dict[str, list[Node]], list[Node]]:
+    """(what the model has no place for, by kind; elements of the format that are misplaced).
 
-    Keys: `transmission`, `name of visual` for an attribute. Nothing below a homeless element
-    is looked at; `strays` are not among them.
+    Kinds: `transmission`, `name of visual` for an attribute. Nothing below such an element is
+    looked at. Misplaced is an <inertial> in the <robot>.
     """
-    by_kind: dict[str, list[Node]] = {}
-    for node, others in _housed(root):
-        for name in node.element.attrib:
-            if name not in HOME[node.tag].attributes:
-                by_kind.setdefault(f"{_prefixed(str(name), None)} of {node.tag}", []).append(node)
-        for child in others:
-            if child.tag not in HOME:
-                by_kind.setdefault(child.tag, []).append(child)
-    return dict(sorted(by_kind.items()))
-
-
-def strays(root: Node) -> list[Node]:
-    """Elements of the format in a place where it has none of them: an <inertial> in the <robot>."""
-    return [child for _, others in _housed(root) for child in others if child.tag in HOME]
-
-
-def _housed(root: Node) -> Iterator[tuple[Node, list[Node]]]:
-    """Each element that stands where the model has a place for it, and its children that do not."""
+    homeless: dict[str, list[Node]] = {}
+    strays: list[Node] = []
     stack = [root]
     while stack:
         node = stack.pop()
-        children = HOME[node.tag].children
-        inside = [node.of(child) for child in node.element.iterchildren("*")]
-        yield node, [child for child in inside if child.tag not in children]
-        stack += [child for child in inside if child.tag in children][::-1]
+        home = HOME[node.tag]
+        for name in map(str, node.element.attrib):
+            if name not in home.attributes:
+                homeless.setdefault(f"{_prefixed(name, None)} of {node.tag}", []).append(node)
+        inside = node.all("*")
+        for child in inside:
+            if child.tag not in HOME:
+                homeless.setdefault(child.tag, []).append(child)
+            elif child.tag not in home.children:
+                strays.append(child)
+        stack += [child for child in inside if child.tag in home.children][::-1]
+    return dict(sorted(homeless.items())), strays
 
 
 def _prefixed(tag: str, prefix: str | None) -> str:
