@@ -21,6 +21,8 @@ KINDS = {
 """MuJoCo's words for `dyntype`, `gaintype` and `biastype` of a law that a <general> can state."""
 ALONE = frozenset({"muscle", "user"})
 """Kinds that MJCF alone has the words for."""
+Law = dict[str, tuple[str, tuple[float, ...]]]
+"""(MuJoCo's word, parameters) of each part of an actuator's law."""
 STEADY = frozenset({"none", "filter", "filterexact"})
 """Kinds of `dyntype` whose state becomes the command."""
 STRAIGHT = (0, 1)
@@ -137,15 +139,12 @@ def _taken(model: Model, index: int) -> Actuator | None:
     force = _range(model, "actuator_force", index)
     if force is not None and force[0] != -force[1]:
         return None
-    kinds = _kinds(model, index)
-    if any(kind in ALONE or kind not in KINDS[part] for part, kind in kinds.items()):
+    law = _law(model, index)
+    if any(kind in ALONE or kind not in KINDS[part] for part, (kind, _) in law.items()):
         return None
     effort = force[1] if force else None
     ctrl = _range(model, "actuator_ctrl", index)
-    dyn, gain, bias = (
-        [float(v) for v in getattr(model, f"actuator_{part}prm")[index]] for part in KINDS
-    )
-    dyntype, gaintype, biastype = kinds.values()
+    (dyntype, _), (gaintype, gain), (biastype, bias) = law.values()
     kp, kd = gain[0], 0.0 - bias[2]
     if (dyntype, gaintype) == ("none", "fixed") and not any(gain[1:]):
         if (
@@ -156,13 +155,13 @@ def _taken(model: Model, index: int) -> Actuator | None:
         ):
             return Actuator("", "motor", effort=ctrl[1] if ctrl else None, ctrl=ctrl)
         if biastype == "affine" and kp > 0.0 and not any(bias[3:]):
-            if bias[:2] == [0.0, -kp] and kd >= 0.0:
+            if bias[:2] == (0.0, -kp) and kd >= 0.0:
                 return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
-            if bias[:3] == [0.0, 0.0, -kp]:
+            if bias[:3] == (0.0, 0.0, -kp):
                 return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
     attributes: dict[str, Any] = {}  # Any: the tables' words are those of the model
-    for part, prm in (("dyn", dyn), ("gain", gain), ("bias", bias)):
-        attributes |= {f"{part}type": kinds[part], f"{part}prm": _trimmed(prm)}
+    for part, (kind, prm) in law.items():
+        attributes |= {f"{part}type": kind, f"{part}prm": _trimmed(prm)}
     general = General.model_construct(**attributes)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
@@ -235,11 +234,12 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
 def _whole(element: Element, links: Links, index: int) -> str:
     """The actuator as `<general>` with all its compiled numbers, or as stated where it is more."""
     model = links.source.model
-    kinds = _kinds(model, index)
+    law = _law(model, index)
     if int(model.actuator_plugin[index]) >= 0:
         hint = "use one of MuJoCo's own kinds"
         raise error_at(element, f"actuator `{element.get('name')}` of a plug-in", hint)
-    beyond = any(kind not in KINDS[part] for part, kind in kinds.items()) or _extended(model, index)
+    known = all(kind in KINDS[part] for part, (kind, _) in law.items())
+    beyond = not known or _extended(model, index)
     attributes = {"name": str(element.get("name"))}
     for ref in _REFS:
         if element.get(ref):
@@ -250,16 +250,15 @@ def _whole(element: Element, links: Links, index: int) -> str:
     over |= {
         j.get("joint") for t in tendons if t.get("name") == attributes.get("tendon") for j in t
     }
-    if over & links.rest.keys() and (beyond or _depends_on_position(model, index, kinds)):
+    if over & links.rest.keys() and (beyond or _depends_on_position(law)):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{attributes['name']}` on a joint with `ref`", hint)
     if beyond:
         stated = links.source.classes.attributes(element)  # in the source's own words
         plain = {key: value for key, value in stated.items() if key != "user"}
         return element_text(str(element.tag), plain | attributes)
-    attributes |= {f"{part}type": kind for part, kind in kinds.items()}
-    for part in KINDS:
-        attributes[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
+    attributes |= {f"{part}type": kind for part, (kind, _) in law.items()}
+    attributes |= {f"{part}prm": words(_trimmed(prm)) for part, (_, prm) in law.items()}
     attributes["gear"] = words(model.actuator_gear[index])
     if element.get("cranksite"):
         attributes["cranklength"] = words((model.actuator_cranklength[index],))
@@ -279,32 +278,30 @@ def _whole(element: Element, links: Links, index: int) -> str:
 
 def _resting(model: Model, index: int) -> float:
     """The command of an actuator, within its range, that pulls with no force at the zero pose."""
-    kinds, gain = _kinds(model, index), float(model.actuator_gainprm[index][0])
+    (dyntype, _), (gaintype, gain), (biastype, bias) = _law(model, index).values()
     command = 0.0
-    if kinds["gain"] == "fixed" and kinds["bias"] == "affine" and kinds["dyn"] in STEADY and gain:
-        constant, stiff = (float(value) for value in model.actuator_biasprm[index][:2])
-        command = 0.0 - (constant + stiff * float(model.actuator_length0[index])) / gain
+    if gaintype == "fixed" and biastype == "affine" and dyntype in STEADY and gain[0]:
+        command = 0.0 - (bias[0] + bias[1] * float(model.actuator_length0[index])) / gain[0]
     limits = _range(model, "actuator_ctrl", index)
     return min(max(command, limits[0]), limits[1]) if limits else command
 
 
-def _kinds(model: Model, index: int) -> dict[str, str]:
-    """MuJoCo's words for what makes the force of an actuator."""
-    enums = {"dyn": mj.mjtDyn, "gain": mj.mjtGain, "bias": mj.mjtBias}
-    return {
-        part: enum(int(getattr(model, f"actuator_{part}type")[index])).name.split("_")[1].lower()
-        for part, enum in enums.items()
-    }
+def _law(model: Model, index: int) -> Law:
+    """What makes the force of an actuator: `dyn`, `gain` and `bias`."""
+    law: Law = {}
+    for part, enum in (("dyn", mj.mjtDyn), ("gain", mj.mjtGain), ("bias", mj.mjtBias)):
+        kind, prm = (getattr(model, f"actuator_{part}{of}")[index] for of in ("type", "prm"))
+        word = enum(int(kind)).name.split("_")[1].lower()
+        law[part] = word, tuple(float(value) for value in prm)
+    return law
 
 
-def _depends_on_position(model: Model, index: int, kinds: dict[str, str]) -> bool:
-    """Whether its force changes with the position of its joint."""
-    linear = [
-        float(getattr(model, f"actuator_{part}prm")[index][1])
-        for part in ("gain", "bias")
-        if kinds[part] == "affine"
-    ]
-    return any(linear) or "muscle" in kinds.values()
+def _depends_on_position(law: Law) -> bool:
+    """Whether the force changes with the position of the joint."""
+    return any(
+        kind == "muscle" or (part != "dyn" and kind == "affine" and prm[1] != 0.0)
+        for part, (kind, prm) in law.items()
+    )
 
 
 def _extended(model: Model, index: int) -> bool:

@@ -156,22 +156,20 @@ _LENS = ("focal", "focalpixel", "sensorsize")
 
 def read_details(links: Links) -> Iterator[Camera]:
     """The cameras as the Robot has them; keep the rest for MJCF, in the order of the bodies."""
-    attributes = links.source.classes.attributes
     _keep_root(links)
     for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
             continue
         if name != WORLD:
-            links.keep("body", "body", leftover(attributes(body), BODY), name)
+            links.keep("body", "body", leftover(links.source.classes.attributes(body), BODY), name)
         for joint in parts(body, "joint"):
-            of_joint = str(joint.get("name")), attributes(joint)
-            links.keep("joint", "joint", _joint(links, *of_joint), of_joint[0])
+            links.keep("joint", "joint", _joint(links, joint), str(joint.get("name")))
         for site in parts(body, "site"):
             _keep_site(links, site)
         for camera in parts(body, "camera"):
             yield _camera(links, camera, name)
         for light in parts(body, "light"):
-            _keep_light(links, str(light.get("name")), attributes(light), name)
+            _keep_light(links, light, name)
 
 
 def _keep_root(links: Links) -> None:
@@ -193,8 +191,9 @@ def _keep_root(links: Links) -> None:
         links.keep("freejoint", "freejoint", {"name": links.free_joint, **brakes})
 
 
-def _joint(links: Links, name: str, attributes: Mapping[str, str]) -> dict[str, str]:
+def _joint(links: Links, element: Element) -> dict[str, str]:
     """What a joint says that the Robot does not hold."""
+    name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("joint", name)
     if attributes.get("type") == "free" or int(model.jnt_type[index]) == 0:
         return {}
@@ -274,7 +273,8 @@ def _camera(links: Links, element: Element, body: str) -> Camera:
     return Camera(name, at, links.in_link(body, pose), fovy, size, mode)
 
 
-def _keep_light(links: Links, name: str, attributes: Mapping[str, str], body: str) -> None:
+def _keep_light(links: Links, element: Element, body: str) -> None:
+    name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("light", name)
     pose = links.in_link(body, pose_at(model.light_pos[index], IDENTITY.quat))
     more = leftover(attributes, LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}

@@ -122,9 +122,6 @@ class Geoms:
             self.contacts[name] = contact_of(self.model, index)
             if int(attributes.get("group", "0")) < 3:
                 self.drawn.add(name)
-        self._left_over(name, attributes, role, index)
-
-    def _left_over(self, name: str, attributes: dict[str, str], role: str, index: int) -> None:
         more = leftover(attributes, SAID)
         if attributes.get("group", "0") != GROUPS[role]:
             more["group"] = attributes.get("group", "0")

@@ -137,26 +137,22 @@ class Classes:
 
     def __init__(self, root: Element) -> None:
         self._said: dict[str, dict[str, dict[str, str]]] = {"main": {}}
-        tops = list(root.iterchildren("default"))[::-1]
-        waiting: list[tuple[Element, str, dict[str, dict[str, str]]]] = [
-            (top, "main", {}) for top in tops
-        ]
-        while waiting:
-            node, name, inherited = waiting.pop()
-            name = node.get("class", name)
-            defaults = self._said.setdefault(name, {})
-            for tag, attributes in inherited.items():
-                defaults[tag] = {**attributes, **defaults.get(tag, {})}
-            for child in node.iterchildren("*"):
-                if child.tag != "default":
-                    defaults[str(child.tag)] = {
-                        **defaults.get(str(child.tag), {}),
-                        **own_attributes(child),
-                    }
-            for child in node.iterchildren("default"):
-                if not child.get("class"):
-                    raise error_at(child, "a <default> inside another without a `class`")
-                waiting.append((child, "", defaults))
+        for top in root.iterchildren("default"):
+            self._add(top, top.get("class", "main"), {})
+
+    def _add(self, node: Element, name: str, inherited: dict[str, dict[str, str]]) -> None:
+        """Add a class, and those inside of it."""
+        defaults = self._said.setdefault(name, {})
+        for tag, attributes in inherited.items():
+            defaults[tag] = {**attributes, **defaults.get(tag, {})}
+        for child in node.iterchildren("*"):
+            tag = str(child.tag)
+            if tag != "default":
+                defaults[tag] = {**defaults.get(tag, {}), **own_attributes(child)}
+        for child in node.iterchildren("default"):
+            if not child.get("class"):
+                raise error_at(child, "a <default> inside another without a `class`")
+            self._add(child, str(child.get("class")), defaults)
 
     def attributes(self, element: Element) -> dict[str, str]:
         """All that is said of an element, its classes included; without its name and class."""
