@@ -86,7 +86,9 @@ def _hunks(text: str, file: str) -> Iterator[tuple[str, str, str]]:
     while at < len(lines):
         line, at = lines[at], at + 1
         if line.startswith("+++ "):
-            name = _name(line)
+            name = (
+                line[4:].split("\t")[0].strip().removeprefix("b/")
+            )  # +++ b/urdf/arm.urdf<tab>date
         if not (head := _HUNK.match(line)):
             continue
         where = Where(file, at)
@@ -107,11 +109,6 @@ def _hunks(text: str, file: str) -> Iterator[tuple[str, str, str]]:
                 "a hunk without old lines has no place", where=Where(file, start), hint=hint
             )
         yield name, find, replace
-
-
-def _name(line: str) -> str:
-    """The file of `+++ b/urdf/arm.urdf<tab>date`."""
-    return line[4:].split("\t")[0].strip().removeprefix("b/")
 
 
 def _side(body: list[str], signs: str) -> str:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
+from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, MjcfOnly
 from assetbuild.simulators.mujoco import Model, actuators, mj
 from assetbuild.simulators.mujoco.drives import read_drive
 from assetbuild.source.mjcf.links import Links
@@ -89,7 +89,15 @@ def read_drives(links: Links) -> Drives:
         actuator = driven.get(name, Actuator(name, "passive"))
         clamp = _range(model, "jnt_actfrc", int(model.joint(name).id))
         limited, words_of_its_own = _clamped(actuator, clamp)
-        drives.actuators.append(_of_joint(limited, moved, model))
+        drives.actuators.append(
+            replace(
+                limited,
+                damping=moved.damping or 0.0,
+                friction=moved.friction or 0.0,
+                armature=float(model.dof_armature[int(model.joint(name).dofadr[0])]),
+                source="the source's MJCF" if actuator.model != "passive" else "",
+            )
+        )
         if words_of_its_own:
             text = element_text("general", words_of_its_own)
             drives.mjcf_only.append(MjcfOnly("drive", text, name))
@@ -116,17 +124,6 @@ def _clamped(
         return limited, {f"{word}range": "", f"{word}limited": "false"}
     effort /= abs(actuator.gear)
     return limited, {"forcerange": words((-effort, effort))}
-
-
-def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:
-    dof = int(model.jnt_dofadr[int(model.joint(joint.name).id)])
-    return replace(
-        actuator,
-        damping=joint.damping or 0.0,
-        friction=joint.friction or 0.0,
-        armature=float(model.dof_armature[dof]),
-        source="the source's MJCF" if actuator.model != "passive" else "",
-    )
 
 
 def _taken(model: Model, index: int) -> Actuator | None:

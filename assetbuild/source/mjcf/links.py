@@ -14,16 +14,14 @@ A site is a link without mass on a fixed joint, which merging makes a frame.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
-from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, Mimic, MjcfOnly
+from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, MjcfOnly
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
-from assetbuild.simulators.mujoco import Model
-from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.source.mjcf.compiled import Compiled
 from assetbuild.source.mjcf.opaque import attributes_of
 from assetbuild.source.mjcf.scenery import hangs
@@ -288,46 +286,6 @@ def _touching_apart(links: Links) -> list[str]:
     return [name for name in touching if name not in links.kept]
 
 
-def tendon_rest(tendon: Element, rest: Mapping[str, float]) -> float:
-    """Length of a fixed tendon whose joints stand at their `ref`. rest: `ref` by joint."""
-    moved = [child for child in tendon.iterchildren("joint") if child.get("joint") in rest]
-    return sum(float(str(c.get("coef"))) * rest[str(c.get("joint"))] for c in moved)
-
-
-# --- small things ---------------------------------------------------------------------------
-
-
 def _minus(a: Vec3, b: Vec3) -> Vec3:
     """Negative zeros become zero; subtracting zeros changes no bit."""
     return vec3([x - y for x, y in zip(a, b, strict=True)])
-
-
-def coupling_of(
-    tag: str, model: Model, index: int, attributes: Mapping[str, str]
-) -> tuple[str, Mimic] | None:
-    """(follower, mimic) of an equality; None of one that is no mimic.
-
-    q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts.
-    """
-    if tag == "tendon" and (coupling := tendon_coupling(model, index)):
-        follower, leader = (str(model.joint(joint).name) for joint in coupling[:2])
-        return follower, Mimic(leader, *coupling[2:])
-    c = [float(v) for v in model.eq_data[index][:5]]
-    leader = attributes.get("joint2", "")
-    if tag != "joint" or not leader or any(c[2:]) or c[1] == 0.0 or not model.eq_active0[index]:
-        return None
-    return attributes.get("joint1", ""), Mimic(leader, c[1], c[0])
-
-
-def coupled(joints: Sequence[Joint], follower: str, mimic: Mimic) -> list[Joint] | None:
-    """The joints with that mimic; None where it follows already, and of a circle."""
-    by_name = {joint.name: joint for joint in joints}
-    if not {follower, mimic.joint} <= by_name.keys() or by_name[follower].mimic:
-        return None
-    name = mimic.joint
-    while (above := by_name[name].mimic) is not None:
-        name = above.joint
-        if name == follower:
-            return None
-    by_name[follower] = replace(by_name[follower], mimic=mimic)
-    return list(by_name.values())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Literal
 
 from assetbuild.findings import Finding, Rule, Severity
@@ -13,6 +14,7 @@ from assetbuild.robot.model import (
     Keyframe,
     Loop,
     LoopEnd,
+    Mimic,
     MjcfOnly,
     Place,
     Sensor,
@@ -20,17 +22,10 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.simulators.mujoco import LEAST_STEP_S, Model, mj
+from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.drives import Drives
-from assetbuild.source.mjcf.links import (
-    FREE,
-    JOINT_REF,
-    ORIGIN,
-    Links,
-    coupled,
-    coupling_of,
-    tendon_rest,
-)
+from assetbuild.source.mjcf.links import FREE, JOINT_REF, ORIGIN, Links
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import kind_of
 from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, own_attributes, where_of
@@ -158,15 +153,38 @@ def _loops(links: Links) -> Iterator[Loop]:
 
 def _mimic(links: Links, element: Element, index: int, stated: Mapping[str, str]) -> bool:
     """Whether it is a linear coupling of two joints; its words that are no mimic's stay with it."""
-    coupling = coupling_of(str(element.tag), links.source.model, index, stated)
-    joints = coupling and coupled(links.joints, *coupling)
-    if not coupling or not joints:
+    name, mimic = _coupling(element, links.source.model, index, stated)
+    by_name = {joint.name: joint for joint in links.joints}
+    if mimic is None or not {name, mimic.joint} <= by_name.keys() or by_name[name].mimic:
         return False
-    links.joints = joints
+    above: Mimic | None = mimic
+    while above is not None:
+        if above.joint == name:  # a circle
+            return False
+        above = by_name[above.joint].mimic
+    by_name[name] = replace(by_name[name], mimic=mimic)
+    links.joints = list(by_name.values())
     more = leftover(stated, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
     more["name"] = str(element.get("name"))
-    links.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
+    links.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), name))
     return True
+
+
+def _coupling(
+    element: Element, model: Model, index: int, stated: Mapping[str, str]
+) -> tuple[str, Mimic | None]:
+    """(follower, mimic) of an equality; None of one that is no mimic.
+
+    q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts.
+    """
+    if element.tag == "tendon" and (coupling := tendon_coupling(model, index)):
+        follower, leader = (str(model.joint(joint).name) for joint in coupling[:2])
+        return follower, Mimic(leader, *coupling[2:])
+    c0, c1, *more = (float(value) for value in model.eq_data[index][:5])
+    leader = stated.get("joint2", "")
+    if element.tag != "joint" or not leader or any(more) or not c1 or not model.eq_active0[index]:
+        return "", None
+    return stated.get("joint1", ""), Mimic(leader, c1, c0)
 
 
 def _loop(links: Links, element: Element, index: int, stated: Mapping[str, str]) -> Loop | None:
@@ -223,7 +241,11 @@ def _read_tendons(links: Links) -> None:
     model = links.source.model
     for element, name, stated in _elements(links, "tendon"):
         index, subject = links.source.id_of("tendon", name), f"tendon {name}"
-        if rest := tendon_rest(element, links.rest):
+        moved = [
+            child for child in element.iterchildren("joint") if child.get("joint") in links.rest
+        ]
+        rest = sum(float(str(c.get("coef"))) * links.rest[str(c.get("joint"))] for c in moved)
+        if rest:
             message = f"its length counts from the `ref` of its joints: 0 here is {rest:g}"
             hint = "subtract it from lengths of the source's controllers"
             links.findings.append(JOINT_REF(subject, message, hint, data={"ref": rest}))

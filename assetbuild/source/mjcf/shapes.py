@@ -8,7 +8,7 @@ from itertools import chain, count
 from typing import Any
 
 from assetbuild.errors import quoted
-from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.findings import Rule, Severity
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.robot.shapes import (
@@ -68,8 +68,15 @@ def read_geoms(links: Links) -> Geoms:
     links.mjcf_only = [i for i in links.mjcf_only if i.place != "material" or i.owner in worn]
     visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in geoms.drawn]
     if visible:
-        seen = any(shape.role == "visual" for shape in geoms.shapes)
-        links.findings.append(_drawn(visible, alone=not seen))
+        message = f"{len(visible)} geoms collide and are drawn: {quoted(visible, 6)}; in URDF and "
+        message += "USD they only collide"
+        alone = all(shape.role != "visual" for shape in geoms.shapes)
+        message += ", so viewers of these show nothing of the robot" if alone else ""
+        severity = "warning" if alone else "info"
+        finding = VISIBLE_COLLISION(
+            "robot", message, severity=severity, data={"geoms": len(visible)}
+        )
+        links.findings.append(finding)
     return geoms
 
 
@@ -259,14 +266,3 @@ def _numbers(
     attributes: Mapping[str, str], key: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
     return tuple(float(word) for word in attributes[key].split()) if key in attributes else default
-
-
-def _drawn(names: list[str], *, alone: bool) -> Finding:
-    """alone: the robot has no visual shape at all, so URDF and USD show nothing."""
-    return VISIBLE_COLLISION(
-        "robot",
-        f"{len(names)} geoms collide and are drawn: {quoted(names, 6)}; in URDF and USD they only "
-        "collide" + (", so viewers of these show nothing of the robot" if alone else ""),
-        severity="warning" if alone else "info",
-        data={"geoms": len(names)},
-    )

@@ -186,23 +186,18 @@ def _read_limits(node: Node, kind: str) -> Limits:
             node.report(LIMIT_IGNORED, message, data={"lower": lower, "upper": upper})
         stated |= {"lower": None, "upper": None}
     else:
-        if missing := [name for name, value in stated.items() if value is None]:
-            _report_omitted(node, missing)
+        if missing := tuple(name for name, value in stated.items() if value is None):
+            zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
+            note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
+            message = f"<limit> leaves out {quoted(missing, 4)}{note}"
+            node.report(LIMIT_OMITTED, message, data={"missing": missing})
         stated |= {"lower": lower or 0.0, "upper": upper or 0.0}
     free = [name for name, value in stated.items() if abs(value or 0.0) >= URDF_UNLIMITED]
     if free:
-        words = ", ".join(f"`{name}`" for name in free)
+        words = quoted(free, 4)
         message = f"<limit> states {URDF_UNLIMITED:g} or more for {words}: it counts as unlimited"
         node.report(LIMIT_UNLIMITED, message, data={"unlimited": tuple(free)})
     return Limits(**(stated | dict.fromkeys(free)))
-
-
-def _report_omitted(node: Node, missing: list[str]) -> None:
-    words = ", ".join(f"`{name}`" for name in missing)
-    zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
-    note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
-    message = f"<limit> leaves out {words}{note}"
-    node.report(LIMIT_OMITTED, message, data={"missing": tuple(missing)})
 
 
 def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
