@@ -188,9 +188,8 @@ def _files_below(members: Members, root: str) -> list[tuple[str, int]]:
         path = below(root, member.path)
         if path is None or member.kind == "folder":
             continue
-        reason = why_unsafe(member.path)
-        if reason:
-            raise SourceError(f"archive: member `{printable(member.path)}` has {reason}")
+        if reason := why_unsafe(member.path):
+            raise _bad(member, f"has {reason}")
         files.add((path, member.size))
     if not files:
         raise _no_root(members, root)

@@ -218,7 +218,7 @@ def name_all(root: Element) -> None:
             _name({e: PurePosixPath(e.get("file", "")).stem or tag for e in elements})
     for section in SECTIONS:
         for node in root.iterchildren(section):
-            _name({element: _acting_name(element) for element in node.iterchildren("*")})
+            _name({e: _acting_name(e, section) for e in node.iterchildren("*")})
 
 
 def _role(part: Element, classes: Classes) -> str:
@@ -238,14 +238,12 @@ def _name(wanted: Mapping[Element, str]) -> None:
             element.set("name", free_name(name, taken))
 
 
-def _acting_name(element: Element) -> str:
+def _acting_name(element: Element, section: str) -> str:
     """After what it acts on or looks at: `FR_hip_joint`, `imu_gyro`."""
     for key in ("joint", "tendon", "site", "objname", "body", "joint1", "body1"):
         if element.get(key):
             owner = str(element.get(key))
-            parent = element.getparent()
-            acting = parent is not None and parent.tag == "actuator"
-            return owner if acting else f"{owner}_{element.tag}"
+            return owner if section == "actuator" else f"{owner}_{element.tag}"
     return str(element.tag)
 
 

@@ -175,19 +175,18 @@ def _joints_to(
 
 
 def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
-    model, index = links.source.model, links.source.id_of("joint", name)
-    if int(model.jnt_type[index]) == BALL:  # what brakes it and holds it only MJCF can say
+    joint = links.source.model.joint(name)
+    if int(joint.type[0]) == BALL:  # what brakes it and holds it only MJCF can say
         return Joint(name, "ball", parent, child, X)
-    slide, dof = int(model.jnt_type[index]) == SLIDE, int(model.jnt_dofadr[index])
-    ref = float(model.qpos0[int(model.jnt_qposadr[index])])
+    slide, ref = int(joint.type[0]) == SLIDE, float(joint.qpos0[0])
     if ref:
         links.rest[name] = ref
         shown = f"{ref:g} {'m' if slide else 'rad'}"
         message = f"its positions count from `ref` = {shown}: 0 here is {shown} in the source"
         hint = "subtract it from positions and commands of the source's controllers"
         links.findings.append(JOINT_REF(f"joint {name}", message, hint, data={"ref": ref}))
-    limited = bool(model.jnt_limited[index])
-    lower, upper = (float(v) - ref for v in model.jnt_range[index])
+    limited = bool(joint.limited[0])
+    lower, upper = (float(v) - ref for v in joint.range)
     kind: JointKind = "prismatic" if slide else "revolute" if limited else "continuous"
     return Joint(
         name=name,
@@ -195,10 +194,10 @@ def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
         parent=parent,
         child=child,
         X_parent_joint=X,
-        axis=vec3(model.jnt_axis[index]),
+        axis=vec3(joint.axis),
         limits=Limits(lower, upper) if limited else Limits(),
-        damping=float(model.dof_damping[dof]),
-        friction=float(model.dof_frictionloss[dof]),
+        damping=float(joint.damping[0]),
+        friction=float(joint.frictionloss[0]),
     )
 
 

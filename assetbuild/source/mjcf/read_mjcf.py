@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
@@ -18,7 +19,7 @@ from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.mjcf.compiled import compile_source, pose_at
 from assetbuild.source.mjcf.drives import Drives, read_drives
-from assetbuild.source.mjcf.links import BALL, Links, read_links
+from assetbuild.source.mjcf.links import BALL, FREE, Links, read_links
 from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
 from assetbuild.source.mjcf.sections import ORDER, read_sections
 from assetbuild.source.mjcf.shapes import read_geoms
@@ -181,12 +182,11 @@ def _keep_root(links: Links) -> None:
             place["quat"] = words(links.mount.quat)
         links.keep("root", "body", place, links.root)
     if links.free_joint and links.base == "floating":
-        model = links.source.model
-        first = int(model.jnt_dofadr[links.source.id_of("joint", links.free_joint)])
+        joint = links.source.model.joint(links.free_joint)
         brakes = {
-            key: words((float(value),))
+            key: words((value,))
             for key in ("damping", "armature", "frictionloss")
-            if (value := getattr(model, f"dof_{key}")[first])
+            if (value := float(getattr(joint, key)[0]))
         }
         links.keep("freejoint", "freejoint", {"name": links.free_joint, **brakes})
 
@@ -194,11 +194,11 @@ def _keep_root(links: Links) -> None:
 def _joint(links: Links, element: Element) -> dict[str, str]:
     """What a joint says that the Robot does not hold."""
     name, attributes = str(element.get("name")), links.source.classes.attributes(element)
-    model, index = links.source.model, links.source.id_of("joint", name)
-    if attributes.get("type") == "free" or int(model.jnt_type[index]) == 0:
+    joint = links.source.model.joint(name)
+    if int(joint.type[0]) == FREE:
         return {}
-    if int(model.jnt_type[index]) == BALL:
-        return _ball(links, index, attributes)
+    if int(joint.type[0]) == BALL:
+        return _ball(joint, attributes)
     more = leftover(attributes, JOINT)
     for key in ("damping", "frictionloss"):
         if len(more.get(key, "0").split()) == 1:  # more numbers are a polynomial
@@ -206,31 +206,23 @@ def _joint(links: Links, element: Element) -> dict[str, str]:
     if len(more.get("stiffness", "0").split()) == 1:
         more.pop("stiffness", None)
         more.pop("springref", None)
-        stiffness = float(model.jnt_stiffness[index])
-        if stiffness:
-            rest = float(model.qpos_spring[int(model.jnt_qposadr[index])])
-            rest -= links.rest.get(name, 0.0)
+        if stiffness := float(joint.stiffness[0]):
+            rest = float(joint.qpos_spring[0]) - links.rest.get(name, 0.0)
             more |= {"stiffness": words((stiffness,))}
             more |= {"springref": words((rest,))} if rest else {}
     return more
 
 
-def _ball(links: Links, index: int, attributes: Mapping[str, str]) -> dict[str, str]:
+def _ball(joint: Any, attributes: Mapping[str, str]) -> dict[str, str]:  # Any: of the model
     """As compiled, but for polynomials, which stand as they are."""
-    model, dof = links.source.model, int(links.source.model.jnt_dofadr[index])
     more = leftover(attributes, JOINT | {"springref"})
-    for key, value in (
-        ("damping", model.dof_damping[dof]),
-        ("frictionloss", model.dof_frictionloss[dof]),
-        ("armature", model.dof_armature[dof]),
-        ("stiffness", model.jnt_stiffness[index]),
-    ):
+    for key in ("damping", "frictionloss", "armature", "stiffness"):
         if len(more.get(key, "").split()) <= 1:
-            more |= {key: words((float(value),))}
+            more |= {key: words((float(getattr(joint, key)[0]),))}
         if not any(float(number) for number in more[key].split()):
             del more[key]
-    if model.jnt_limited[index]:
-        more["range"] = words(model.jnt_range[index])
+    if joint.limited[0]:
+        more["range"] = words(joint.range)
     elif attributes.get("limited") == "false":
         more["limited"] = "false"
     return more
