@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from assetbuild.engine.step import Files, Limits, Step
@@ -38,14 +39,12 @@ class ListIncludes(Step):
             if not (tree / path).is_file():
                 wanted.add(path)
                 continue
-            try:
+            with suppress(SourceError):
                 root = _parsed(path, tree, None)
                 for element in [*root.iter("include"), *root.iterfind("asset/model")]:
                     if element.get("file"):
                         included = below(element, posixpath.dirname(main))
                         waiting.append((included, main if element.tag == "include" else included))
-            except SourceError:
-                continue
         files.write_json("includes.json", sorted(wanted))
         return iter(())
 

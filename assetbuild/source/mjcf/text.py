@@ -5,18 +5,11 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import BODY, Path
 from assetbuild.findings import Finding, Rule, Severity
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
-    Element = _Element
-else:  # lxml itself is imported inside of functions
-    Element = object
+from assetbuild.xml_text import Element as Element
 
 AT = "_at"
 """Attribute that carries `file:line` of an element while it is worked on."""

@@ -6,15 +6,12 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.lfs import refuse_pointer
-from assetbuild.xml_text import Fault, NotXml, read_tree
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.xml_text import Element, Fault, NotXml, read_tree
 
 MAX_BYTES = 64 * 1024 * 1024
 XACRO = ("http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro", "http://wiki.ros.org/xacro")
@@ -33,7 +30,7 @@ class Node:
     findings: what is reported about the whole file, one list for all its nodes.
     """
 
-    element: _Element
+    element: Element
     file: str
     subject: str = ""
     findings: list[Finding] = field(default_factory=list, compare=False)
@@ -70,7 +67,7 @@ class Node:
         subject = self.subject or "robot"
         self.findings.append(rule(subject, message, hint, severity=severity, data=data))
 
-    def of(self, element: _Element) -> Node:
+    def of(self, element: Element) -> Node:
         """Another element of the same file, under the same subject."""
         return replace(self, element=element)
 
@@ -209,7 +206,7 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
     return node, faults
 
 
-def read_mjcf_text(data: bytes, file: str) -> _Element:
+def read_mjcf_text(data: bytes, file: str) -> Element:
     """The root element, whatever version of XML the text states: many say `0.0` or `1`."""
     match = _VERSION.match(data)
     text = data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
@@ -218,7 +215,7 @@ def read_mjcf_text(data: bytes, file: str) -> _Element:
 
 def _read(
     data: bytes, file: str, what: str, *, overlook: bool
-) -> tuple[_Element, tuple[Fault, ...]]:
+) -> tuple[Element, tuple[Fault, ...]]:
     """As `read_tree`, without entity, DTD or network; SourceError with the line otherwise.
 
     The parser's own bounds hold too: 256 levels, 10 MB per text.
