@@ -137,11 +137,10 @@ def _add_body(links: Links, element: Element, parent: str) -> None:
     if FREE in links.source.joint_kinds(name) and name != links.root:
         hint = "one recipe builds one robot; its root alone may float"
         raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
-    links.shift[name] = ORIGIN
+    joints = links.source.joints_of(name) if name != links.root else ()
+    anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
+    links.shift[name] = anchors[-1] if anchors else ORIGIN
     if name != links.root:
-        joints = links.source.joints_of(name)
-        anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
-        links.shift[name] = anchors[-1] if anchors else ORIGIN
         made = _joints_to(links, name, parent, joints, anchors)
         links.joints += made
         links.bodies += [Body(joint.child) for joint in made[:-1]]
