@@ -11,7 +11,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.source.mjcf.text import AT, Element, error_at, where_of
-from assetbuild.source.urdf.xml import read_mjcf_text
+from assetbuild.source.urdf.xml import read_xml
 
 
 class ListIncludes(Step):
@@ -85,7 +85,7 @@ def _parsed(path: str, tree: Path, include: Element | None) -> Element:
         where = where_of(include) if include is not None else Where(path)
         hint = did_you_mean(path, known)
         raise SourceError(f"no file `{path}` to include", where=where, hint=hint)
-    root = read_mjcf_text(file.read_bytes(), path)
+    root = read_xml(file.read_bytes(), path, "MJCF").element
     for element in root.iter("*"):
         if element.prefix or str(element.tag).startswith("{"):
             raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")

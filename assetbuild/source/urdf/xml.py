@@ -206,11 +206,14 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
     return node, faults
 
 
-def read_mjcf_text(data: bytes, file: str) -> Element:
-    """The root element, whatever version of XML the text states: many say `0.0` or `1`."""
+def read_xml(data: bytes, file: str, what: str) -> Node:
+    """The root element, whatever version of XML the text states: many say `0.0` or `1`.
+
+    what: `MJCF`, for messages.
+    """
     match = _VERSION.match(data)
     text = data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
-    return _read(text, file, "MJCF", overlook=False)[0]
+    return Node(_read(text, file, what, overlook=False)[0], file)
 
 
 def _read(
