@@ -57,18 +57,21 @@ class Compiled:
         """(element, name) of the world and of all bodies, depth first in file order."""
         return named_bodies(self.root)
 
-    def id_of(self, kind: str, name: str) -> int:
-        """Number of a body, joint, geom, site, camera, light, key, ... of the model."""
+    def entry(self, kind: str, name: str) -> Any:  # Any: MuJoCo's view of one
+        """A body, joint, geom, site, camera, light, key, ... of the model."""
         try:
-            return int(getattr(self.model, kind)(name).id)
+            return getattr(self.model, kind)(name)
         except KeyError:
             raise SourceError(f"{kind} `{name}` is not in the compiled model") from None
 
+    def id_of(self, kind: str, name: str) -> int:
+        """Its number."""
+        return int(self.entry(kind, name).id)
+
     def pose_of(self, kind: str, name: str) -> Pose:
         """Where a body stands in its parent, or a geom, site or camera in its body."""
-        index = self.id_of(kind, name)
-        positions, quats = (getattr(self.model, f"{kind}_{part}") for part in ("pos", "quat"))
-        return pose_at(positions[index], quats[index])
+        entry = self.entry(kind, name)
+        return pose_at(entry.pos, entry.quat)
 
     def joints_of(self, body: str) -> range:
         """Numbers of the joints on a body."""

@@ -114,7 +114,7 @@ def read_links(source: Compiled, base: Base | None) -> Links:
 def _root(tops: list[Element], source: Compiled, base: Base | None) -> Links:
     """The root body of the source, or the world where bodies, a joint or a tendon hang on it."""
     name = str(tops[0].get("name"))
-    if hangs(source.root, tops):
+    if hangs(source.root, tops, source.classes):
         if base == "floating":
             message = "joints or tendons connect the robot to the world: it cannot float"
             raise error_at(tops[0], message, "write `base: fixed`")
@@ -174,7 +174,7 @@ def _joints_to(
 
 
 def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
-    joint = links.source.model.joint(name)
+    joint = links.source.entry("joint", name)
     if int(joint.type[0]) == BALL:  # what brakes it and holds it only MJCF can say
         return Joint(name, "ball", parent, child, X)
     slide, ref = int(joint.type[0]) == SLIDE, float(joint.qpos0[0])

@@ -182,7 +182,7 @@ def _keep_root(links: Links) -> None:
             place["quat"] = words(links.mount.quat)
         links.keep("root", "body", place, links.root)
     if links.free_joint and links.base == "floating":
-        joint = links.source.model.joint(links.free_joint)
+        joint = links.source.entry("joint", links.free_joint)
         brakes = {
             key: words((value,))
             for key in ("damping", "armature", "frictionloss")
@@ -194,7 +194,7 @@ def _keep_root(links: Links) -> None:
 def _joint(links: Links, element: Element) -> dict[str, str]:
     """What a joint says that the Robot does not hold."""
     name, attributes = str(element.get("name")), links.source.classes.attributes(element)
-    joint = links.source.model.joint(name)
+    joint = links.source.entry("joint", name)
     if int(joint.type[0]) == FREE:
         return {}
     if int(joint.type[0]) == BALL:

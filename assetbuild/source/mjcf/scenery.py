@@ -74,22 +74,21 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
 
     Raises SeveralRobotsError where the source does not tell which body is the robot.
     """
-    world = world_of(root)
+    world, classes = world_of(root), Classes(root)
     tops = {str(top.get("name")): top for top in parts(world, "body")}
-    kept = _robot(root, world, tops, chosen)
+    kept = _robot(root, tops, chosen, classes)
     gone = [top for name, top in tops.items() if name not in kept]
     lost = set[_Name]().union(*map(_inside, gone))
-    if not hangs(root, [tops[name] for name in kept]):
+    if not hangs(root, [tops[name] for name in kept], classes):
         lost |= set(_objects(world, "site", "geom"))
     for compiler in root.iterchildren("compiler") if gone else ():
         if float(compiler.get("settotalmass", "-1")) > 0.0:
             hint = "give the file of the robot alone, or state the masses"
             raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
-    classes = Classes(root)
     grounds = [g for g in parts(world, "geom") if classes.attributes(g).get("type") in GROUNDS]
     floors = {str(ground.get("name")) for ground in grounds}
     standing: dict[str, Element] = {}
-    for element, missing in _cut(root, gone, lost):
+    for element, missing in _cut(root, gone, lost, classes):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
         what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
         severity: Severity = "warning"
@@ -97,7 +96,7 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
             standing, severity = standing | dict.fromkeys(ends, element), "info"
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
         yield dropped(str(element.tag), "robot", message, severity=severity)
-    yield from _on_any_floor(standing, root)
+    yield from _on_any_floor(standing, root, classes)
     for top in gone:
         mocap = top.get("mocap") == "true"
         yield SCENERY(
@@ -109,13 +108,15 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
         )
 
 
-def _on_any_floor(pairs: Mapping[str, Element], root: Element) -> Iterator[Finding]:
+def _on_any_floor(
+    pairs: Mapping[str, Element], root: Element, classes: Classes
+) -> Iterator[Finding]:
     """Let the geoms whose masks let them touch nothing touch floors, as their pair did.
 
     pairs: with the floor, by the geom's name. `conaffinity` alone meets a floor's `contype`, and no
     other geom of that kind; `priority` makes the numbers of the pair count.
     """
-    classes, names = Classes(root), []
+    names = []
     for geom in of_bodies(root, "geom"):
         masks = [classes.attributes(geom).get(mask, "1") for mask in ("contype", "conaffinity")]
         pair = pairs.get(str(geom.get("name")))
@@ -146,24 +147,22 @@ def _is_held(root: Element) -> bool:
     return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
 
 
-def hangs(root: Element, robot: list[Element]) -> bool:
+def hangs(root: Element, robot: list[Element], classes: Classes) -> bool:
     """Whether joints, tendons or several bodies make the world the root of the robot."""
-    classes = Classes(root)
     on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
     return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or _is_held(root)))
 
 
 def _robot(
-    root: Element, world: Element, tops: Mapping[str, Element], chosen: str | None
+    root: Element, tops: Mapping[str, Element], chosen: str | None, classes: Classes
 ) -> tuple[str, ...]:
     """Names of the bodies in the world that are the robot."""
     if chosen is not None:
         if chosen not in tops:
             hint = did_you_mean(chosen, list(tops))
-            raise error_at(world, f"`source.body`: no body `{chosen}` in the world", hint)
+            raise error_at(world_of(root), f"`source.body`: no body `{chosen}` in the world", hint)
         return (chosen,)
     solid = {name: top for name, top in tops.items() if top.get("mocap") != "true"}
-    classes = Classes(root)
     joints = {
         name: {_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)}
         for name, top in solid.items()
@@ -232,9 +231,11 @@ def kind_of(key: str, stated: Mapping[str, str]) -> str:
 # --- cutting --------------------------------------------------------------------------------
 
 
-def _cut(root: Element, gone: Iterable[Element], lost: _Names) -> Iterator[tuple[Element, str]]:
+def _cut(
+    root: Element, gone: Iterable[Element], lost: _Names, classes: Classes
+) -> Iterator[tuple[Element, str]]:
     """Yield each element that refers to what is lost, with the name of that."""
-    owners = _owners(root)
+    owners = _owners(root, classes)
     for top in gone:
         remove(top)
     for section in SECTIONS:
@@ -252,11 +253,10 @@ def _cut(root: Element, gone: Iterable[Element], lost: _Names) -> Iterator[tuple
         _slice(key, owners, lost)
 
 
-def _owners(root: Element) -> dict[str, list[_Name]]:
+def _owners(root: Element, classes: Classes) -> dict[str, list[_Name]]:
     """By attribute of a keyframe, whose each of its numbers is, in MuJoCo's order."""
     actuators = [("actuator", str(actuator.get("name"))) for actuator in _of(root, "actuator")]
     owners: dict[str, list[_Name]] = {"qpos": [], "qvel": [], "ctrl": actuators}
-    classes = Classes(root)
     for one in [one for body, _ in named_bodies(root) for one in parts(body, *JOINTS)]:
         widths = WIDTHS.get(_kind(one, classes), (1, 1))
         for word, width in zip(("qpos", "qvel"), widths, strict=True):
