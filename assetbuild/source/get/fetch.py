@@ -32,7 +32,7 @@ from assetbuild.findings import Finding
 
 
 class Download(Step):
-    """Base of the steps that bring `archive` here and compare it with a pinned digest."""
+    """The steps below bring `archive` here and compare it with a pinned digest."""
 
     usual_s = 10.0
     outputs = ("archive",)

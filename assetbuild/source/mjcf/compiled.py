@@ -58,14 +58,14 @@ class Compiled:
         return named_bodies(self.root)
 
     def entry(self, kind: str, name: str) -> Any:  # Any: MuJoCo's view of one
-        """A body, joint, geom, site, camera, light, key, ... of the model."""
+        """Return a body, joint, geom, site, camera, light, key, ... of the model."""
         try:
             return getattr(self.model, kind)(name)
         except KeyError:
             raise SourceError(f"{kind} `{name}` is not in the compiled model") from None
 
     def id_of(self, kind: str, name: str) -> int:
-        """Its number."""
+        """Return the number of an entry."""
         return int(self.entry(kind, name).id)
 
     def pose_of(self, kind: str, name: str) -> Pose:

@@ -94,7 +94,7 @@ def read_drives(links: Links) -> Drives:
                 limited,
                 damping=moved.damping or 0.0,
                 friction=moved.friction or 0.0,
-                armature=float(model.dof_armature[int(model.joint(name).dofadr[0])]),
+                armature=float(model.joint(name).armature[0]),
                 source="the source's MJCF" if actuator.model != "passive" else "",
             )
         )
@@ -284,7 +284,7 @@ def _resting(model: Model, index: int) -> float:
 
 
 def _law(model: Model, index: int) -> Law:
-    """What makes the force of an actuator: `dyn`, `gain` and `bias`."""
+    """Return what makes the force of an actuator: `dyn`, `gain` and `bias`."""
     law: Law = {}
     for part, enum in (("dyn", mj.mjtDyn), ("gain", mj.mjtGain), ("bias", mj.mjtBias)):
         kind, prm = (getattr(model, f"actuator_{part}{of}")[index] for of in ("type", "prm"))
@@ -311,7 +311,7 @@ def _extended(model: Model, index: int) -> bool:
 
 
 def _range(model: Model, what: str, index: int) -> tuple[float, float] | None:
-    """The range of a force or command that limits an entry of the model."""
+    """Return the range that limits a force or command; None where nothing limits it."""
     lower, upper = (float(end) for end in getattr(model, f"{what}range")[index])
     return (lower, upper) if getattr(model, f"{what}limited")[index] else None
 

@@ -222,7 +222,7 @@ def name_all(root: Element) -> None:
 
 
 def _role(part: Element, classes: Classes) -> str:
-    """What a part is called after its body: of a geom, whether its masks let it touch anything."""
+    """Return the last word of a part's name; for a geom, whether it can touch anything."""
     if part.tag != "geom":
         return "joint" if part.tag in JOINTS else str(part.tag)
     attributes = classes.attributes(part)

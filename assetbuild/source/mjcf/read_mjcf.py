@@ -156,7 +156,7 @@ _LENS = ("focal", "focalpixel", "sensorsize")
 
 
 def read_details(links: Links) -> Iterator[Camera]:
-    """The cameras as the Robot has them; keep the rest for MJCF, in the order of the bodies."""
+    """Yield the cameras as the Robot has them; leave the rest to MJCF, in the order of bodies."""
     _keep_root(links)
     for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
@@ -174,7 +174,7 @@ def read_details(links: Links) -> Iterator[Camera]:
 
 
 def _keep_root(links: Links) -> None:
-    """Where a floating root starts without keyframes; its free joint's name, and its brakes."""
+    """Keep where a floating root starts, its free joint's name, and its brakes."""
     posed = links.source.root.find("keyframe/key") is not None  # else a pose may say its height
     if links.base == "floating" and (posed or links.mount != IDENTITY):
         place = {"pos": words(links.mount.xyz)}
@@ -192,7 +192,7 @@ def _keep_root(links: Links) -> None:
 
 
 def _joint(links: Links, element: Element) -> dict[str, str]:
-    """What a joint says that the Robot does not hold."""
+    """Return what a joint says that the Robot does not hold."""
     name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     joint = links.source.entry("joint", name)
     if int(joint.type[0]) == FREE:
@@ -245,7 +245,7 @@ def _keep_site(links: Links, element: Element) -> None:
 
 
 def _camera(links: Links, element: Element, body: str) -> Camera:
-    """The camera as the Robot has it; what else it says is kept."""
+    """Return the camera as the Robot has it, and keep what else it says."""
     name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("camera", name)
     mode = CAMERA_MODES[int(model.cam_mode[index])]

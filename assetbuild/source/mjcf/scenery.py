@@ -148,7 +148,7 @@ def _is_held(root: Element) -> bool:
 
 
 def hangs(root: Element, robot: list[Element], classes: Classes) -> bool:
-    """Whether joints, tendons or several bodies make the world the root of the robot."""
+    """Return whether joints, tendons or several bodies make the world the robot's root."""
     on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
     return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or _is_held(root)))
 
@@ -254,7 +254,7 @@ def _cut(
 
 
 def _owners(root: Element, classes: Classes) -> dict[str, list[_Name]]:
-    """By attribute of a keyframe, whose each of its numbers is, in MuJoCo's order."""
+    """Return whose the numbers of a keyframe are, by attribute, in MuJoCo's order."""
     actuators = [("actuator", str(actuator.get("name"))) for actuator in _of(root, "actuator")]
     owners: dict[str, list[_Name]] = {"qpos": [], "qvel": [], "ctrl": actuators}
     for one in [one for body, _ in named_bodies(root) for one in parts(body, *JOINTS)]:

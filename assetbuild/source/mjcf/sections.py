@@ -96,7 +96,7 @@ def read_sections(links: Links, drives: Drives) -> Control:
 
 
 def _elements(links: Links, section: str) -> Iterator[tuple[Element, str, dict[str, str]]]:
-    """(element, its name, its attributes) of a section; a site may have another name here."""
+    """Yield (element, name, attributes) of a section; a site may have another name here."""
     for element in links.source.root.iterfind(f"{section}/*"):
         stated = links.source.classes.attributes(element)
         yield element, str(element.get("name")), _translated(links, stated)
@@ -116,7 +116,7 @@ def _keep(links: Links, section: str, element: Element, stated: Mapping[str, str
 
 
 def _excludes(links: Links) -> Iterator[tuple[str, str]]:
-    """Excludes between bodies of the robot; pairs stay in the MJCF."""
+    """Yield the excludes between bodies of the robot, and leave all other contacts to MJCF."""
     for element, _, stated in _elements(links, "contact"):
         if element.tag == "exclude" and WORLD not in (stated["body1"], stated["body2"]):
             a, b = sorted((stated["body1"], stated["body2"]))
@@ -129,7 +129,7 @@ def _excludes(links: Links) -> Iterator[tuple[str, str]]:
 
 
 def _loops(links: Links) -> Iterator[Loop]:
-    """Two bodies that are held together; a coupled joint may be a mimic. Frames may have moved."""
+    """Yield the loops, make coupled joints mimics, and leave all other equalities to MJCF."""
     model = links.source.model
     for element, name, stated in _elements(links, "equality"):
         index = links.source.id_of("equality", name)
@@ -152,7 +152,7 @@ def _loops(links: Links) -> Iterator[Loop]:
 
 
 def _mimic(links: Links, element: Element, index: int, stated: Mapping[str, str]) -> bool:
-    """Whether it is a linear coupling of two joints; its words that are no mimic's stay with it."""
+    """Make the follower of a linear coupling a mimic; return False of any other equality."""
     name, mimic = _coupling(element, links.source.model, index, stated)
     by_name = {joint.name: joint for joint in links.joints}
     if mimic is None or not {name, mimic.joint} <= by_name.keys() or by_name[name].mimic:
@@ -173,7 +173,7 @@ def _mimic(links: Links, element: Element, index: int, stated: Mapping[str, str]
 def _coupling(
     element: Element, model: Model, index: int, stated: Mapping[str, str]
 ) -> tuple[str, Mimic | None]:
-    """(follower, mimic) of an equality; None of one that is no mimic.
+    """Return (follower, mimic) of an equality; no mimic where it is no linear coupling.
 
     q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts.
     """
@@ -188,7 +188,7 @@ def _coupling(
 
 
 def _loop(links: Links, element: Element, index: int, stated: Mapping[str, str]) -> Loop | None:
-    """Two bodies that are held together; None of one that is switched off, and of a tether."""
+    """Return the loop that holds two bodies; None where it is switched off or a tether."""
     model, name = links.source.model, str(element.get("name"))
     if not bool(model.eq_active0[index]) or leftover(stated, LOOP_WORDS):
         return None
@@ -237,7 +237,7 @@ def _restate_weld(links: Links, index: int, stated: dict[str, str]) -> None:
 
 
 def _read_tendons(links: Links) -> None:
-    """As they are, without material; their length counts from the `ref` of their joints."""
+    """Leave tendons to MJCF, without material, their length from the `ref` of their joints."""
     model = links.source.model
     for element, name, stated in _elements(links, "tendon"):
         index, subject = links.source.id_of("tendon", name), f"tendon {name}"
@@ -267,7 +267,7 @@ def _read_tendons(links: Links) -> None:
 
 
 def _sensors(links: Links, driven: Mapping[str, str]) -> Iterator[Sensor]:
-    """Those that the Robot has words for; the others stay in the MJCF. driven: see `_sensor`."""
+    """Yield those that the Robot has words for, and leave the others to MJCF."""
     kept = False
     for element, name, stated in _elements(links, "sensor"):
         sensor = _sensor(element, stated, driven)
@@ -285,7 +285,7 @@ def _sensors(links: Links, driven: Mapping[str, str]) -> Iterator[Sensor]:
 def _sensor(
     element: Element, stated: Mapping[str, str], driven: Mapping[str, str]
 ) -> Sensor | None:
-    """The sensor in the Robot's words; None when they do not say all of it.
+    """Return the sensor in the Robot's words; None when they do not say all of it.
 
     driven: joint that an actuator drives in the Robot, by the actuator's name.
     """
@@ -308,7 +308,7 @@ def _sensor(
 
 
 def _keyframe(links: Links, element: Element) -> Keyframe:
-    """A pose at rest."""
+    """Return the pose at rest that a <key> states."""
     name, model = str(element.get("name")), links.source.model
     qpos = [float(v) for v in model.key_qpos[links.source.id_of("key", name)]]
     base = links.mount if links.base == "floating" else None

@@ -59,7 +59,7 @@ def own_attributes(element: Element) -> dict[str, str]:
 
 
 def plain_text(root: Element, *, indented: bool = False) -> str:
-    """The XML without the places of its elements."""
+    """Return the XML without the places of its elements."""
     from lxml import etree
 
     bare = copy.deepcopy(root)

@@ -126,7 +126,7 @@ def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node
 
 
 def _circle(start: str, above: Mapping[str, str]) -> list[str]:
-    """The way up from a name until one comes again; nothing where it ends."""
+    """Return the way up from a name until one comes again; nothing where the way ends."""
     way = [start]
     while (name := above.get(way[-1])) is not None:
         if name in way:

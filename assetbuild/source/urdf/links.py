@@ -175,9 +175,9 @@ class Geometries:
         self._undefined: set[str] = set()
 
     def see(self, node: Node, otherwise: str) -> str:
-        """The name that a material goes by; it may define a look.
+        """Return the name that a material goes by; it may define a look.
 
-        A second look of one name gets the next free one. otherwise: what a nameless one is called.
+        A second look of one name gets the next free name. otherwise: the name of a nameless one.
         """
         name = node.get("name") or ""
         look = self._look(name or otherwise, node)
@@ -195,7 +195,7 @@ class Geometries:
         return worn.name
 
     def paint(self, shape: SourceShape, name: str, node: Node) -> SourceShape:
-        """The shape of an element with its material; call when every visual has been seen."""
+        """Return the shape with its material; call when every visual has been seen."""
         if name in self.materials:
             return replace(shape, material=name)
         if name and name not in self._undefined:

@@ -113,7 +113,7 @@ class Paths:
         return posixpath.join(self.packages[name], rest)
 
     def left_out(self, geometry: Node, role: str) -> bool:
-        """Whether the mesh of a shape is stated as missing, which is reported.
+        """Return whether the mesh of a shape is stated as missing, and report that.
 
         SourceError for a collision mesh: without it the robot would be another one.
         """
@@ -131,7 +131,7 @@ class Paths:
         return True
 
     def report(self, robot: Node) -> None:
-        """One finding for each kind of name that not every reader would have followed."""
+        """Report each kind of name that not every reader would have followed."""
         for kind, taken in sorted(self.taken.items()):
             assumption, uri, path, line = taken[0]
             robot.report(

@@ -68,7 +68,7 @@ class Node:
         self.findings.append(rule(subject, message, hint, severity=severity, data=data))
 
     def of(self, element: Element) -> Node:
-        """Another element of the same file, under the same subject."""
+        """Return another element of the same file, under the same subject."""
         return replace(self, element=element)
 
     def all(self, tag: str) -> list[Node]:
@@ -207,7 +207,7 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
 
 
 def read_xml(data: bytes, file: str, what: str) -> Node:
-    """The root element, whatever version of XML the text states: many say `0.0` or `1`.
+    """Return the root element, whatever version of XML the text states: `0.0` and `1` are common.
 
     what: `MJCF`, for messages.
     """
@@ -219,7 +219,7 @@ def read_xml(data: bytes, file: str, what: str) -> Node:
 def _read(
     data: bytes, file: str, what: str, *, overlook: bool
 ) -> tuple[Element, tuple[Fault, ...]]:
-    """As `read_tree`, without entity, DTD or network; SourceError with the line otherwise.
+    """Read XML without entity, DTD or network; raise SourceError with the line otherwise.
 
     The parser's own bounds hold too: 256 levels, 10 MB per text.
     """
@@ -305,10 +305,11 @@ HOME: Mapping[str, Home] = {
 
 
 def unread(root: Node) -> tuple[dict[str, list[Node]], list[Node]]:
-    """(what the model has no place for, by kind; elements of the format that are misplaced).
+    """Return (what the model has no place for, by kind; elements that are misplaced).
 
     Kinds: `transmission`, `name of visual` for an attribute. Nothing below such an element is
-    looked at. Misplaced is an <inertial> in the <robot>.
+    looked at. An element of the format is misplaced where the format has none of it: an
+    <inertial> in the <robot>.
     """
     homeless: dict[str, list[Node]] = {}
     strays: list[Node] = []
