@@ -75,9 +75,8 @@ class Compiled:
 
     def joints_of(self, body: str) -> range:
         """Numbers of the joints on a body."""
-        index = self.id_of("body", body)
-        first = int(self.model.body_jntadr[index])
-        return range(first, first + int(self.model.body_jntnum[index]))
+        entry = self.entry("body", body)
+        return range(int(entry.jntadr[0]), int(entry.jntadr[0] + entry.jntnum[0]))
 
     def joint_kinds(self, body: str) -> list[int]:
         """MuJoCo's numbers of their types, see `links.FREE`."""
