@@ -155,7 +155,8 @@ def description_of(
         )
         made = p.add("expand_xacro", step, {f"tree/{name}": text for name, text in texts.items()})
         return Description(f"{path} (expanded)", made["robot.urdf"])
-    moved = any(each.moves_lines for each in changes if each.step.file == path)
+    own = (step for _, step in changes.values() if step.file == path)
+    moved = any(step.find.count("\n") != step.replace.count("\n") for step in own)
     shown = f"{path} (patched)" if moved and recipe.urdf else path
     return Description(shown, texts.pop(path), texts)
 
