@@ -285,15 +285,11 @@ def _git(words: list[str], folder: Path, url: str) -> str:
     if done.returncode == 0:
         return done.stdout
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    raise _git_trouble(url, lines)
-
-
-def _git_trouble(url: str, lines: list[str]) -> MachineError | SourceError:
     text = next((s for s in lines if s.startswith(("fatal:", "error:"))), "; ".join(lines[:2]))
     short = text.removeprefix("fatal: ").removeprefix("error: ")[:200]
     if "Could not resolve host" in text or "unable to access" in text or "Connection" in text:
-        return MachineError(f"{url}: cannot be reached: {short}", hint="check the network")
-    return SourceError(f"{url}: git says: {short}", hint="check `source.git` and `source.rev`")
+        raise MachineError(f"{url}: cannot be reached: {short}", hint="check the network")
+    raise SourceError(f"{url}: git says: {short}", hint="check `source.git` and `source.rev`")
 
 
 # --- a file of a web server -----------------------------------------------------------------

@@ -23,7 +23,7 @@ from assetbuild.robot.inertia import Tensor, rotate_tensor
 from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, MjcfOnly
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
 from assetbuild.source.mjcf.compiled import Compiled
-from assetbuild.source.mjcf.opaque import attributes_of
+from assetbuild.source.mjcf.opaque import element_text
 from assetbuild.source.mjcf.scenery import hangs
 from assetbuild.source.mjcf.text import WORLD, Element, bodies, error_at, parts
 
@@ -89,9 +89,10 @@ class Links:
         return Pose(_minus(pose.xyz, self.shift.get(body, ORIGIN)), pose.quat)
 
     def keep(self, place: str, tag: str, stated: Mapping[str, str], owner: str = "") -> None:
-        """Leave attributes to MJCF, if there are any."""
+        """Leave attributes to MJCF in alphabetical order, if there are any."""
         if stated:
-            self.mjcf_only.append(MjcfOnly(place, attributes_of(tag, stated), owner))
+            text = element_text(tag, dict(sorted(stated.items())))
+            self.mjcf_only.append(MjcfOnly(place, text, owner))
 
 
 def read_links(source: Compiled, base: Base | None) -> Links:

@@ -102,7 +102,6 @@ def build_tree(
             message = f"link `{joint.child}` already hangs on joint `{above[joint.child].name}`"
             raise nodes[f"joint {joint.name}"].error(message, TWO_PARENTS)
         above[joint.child] = joint
-    _refuse_mimic_loops(joints, nodes)
     joints = _hold_followers(joints, nodes)
     by_name = {body.name: body for body in bodies}
     root = _root(list(by_name), above, nodes)
@@ -216,18 +215,15 @@ def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
     return Mimic(leader, element.number("multiplier", 1.0), element.number("offset", 0.0))
 
 
-def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
+def _hold_followers(joints: list[Joint], nodes: Mapping[str, Node]) -> list[Joint]:
+    """Joints that mimic a fixed one, directly or through others, are locked where it puts them.
+
+    So are those that follow by a multiplier of 0, which PhysX does not couple. Circles are refused.
+    """
     leader = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
     for circle in filter(None, (_circle(name, leader) for name in leader)):
         way = " -> ".join(f"`{name}`" for name in circle)
         raise nodes[f"joint {circle[0]}"].error(f"mimic joints follow one another: {way}")
-
-
-def _hold_followers(joints: list[Joint], nodes: Mapping[str, Node]) -> list[Joint]:
-    """Joints that mimic a fixed one, directly or through others, are locked where it puts them.
-
-    So are those that follow by a multiplier of 0, which PhysX does not couple.
-    """
     by_name = {joint.name: joint for joint in joints}
 
     def position(joint: Joint) -> float | None:
