@@ -247,7 +247,11 @@ def _whole(element: Element, links: Links, index: int) -> str:
     over |= {
         j.get("joint") for t in tendons if t.get("name") == attributes.get("tendon") for j in t
     }
-    if over & links.rest.keys() and (beyond or _depends_on_position(law)):
+    moves_force = any(  # with the position of the joint
+        kind == "muscle" or (part != "dyn" and kind == "affine" and prm[1] != 0.0)
+        for part, (kind, prm) in law.items()
+    )
+    if over & links.rest.keys() and (beyond or moves_force):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{attributes['name']}` on a joint with `ref`", hint)
     if beyond:
@@ -291,14 +295,6 @@ def _law(model: Model, index: int) -> Law:
         word = enum(int(kind)).name.split("_")[1].lower()
         law[part] = word, tuple(float(value) for value in prm)
     return law
-
-
-def _depends_on_position(law: Law) -> bool:
-    """Whether the force changes with the position of the joint."""
-    return any(
-        kind == "muscle" or (part != "dyn" and kind == "affine" and prm[1] != 0.0)
-        for part, (kind, prm) in law.items()
-    )
 
 
 def _extended(model: Model, index: int) -> bool:
