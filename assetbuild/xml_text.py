@@ -16,6 +16,10 @@ from xml.parsers import expat
 if TYPE_CHECKING:
     from lxml.etree import XMLParser, _Element
 
+    Element = _Element
+else:  # lxml itself is imported inside of functions
+    Element = object
+
 FaultKind = Literal[
     "declaration", "comment", "encoding", "ampersand", "space", "prefix", "end", "namespace"
 ]
@@ -50,7 +54,7 @@ class NotXml(Exception):  # noqa: N818 # it says what the text is not
         self.message, self.line, self.doctype = message, line, doctype
 
 
-def read_tree(data: bytes, *, overlook: bool = True) -> tuple[_Element, tuple[Fault, ...]]:
+def read_tree(data: bytes, *, overlook: bool = True) -> tuple[Element, tuple[Fault, ...]]:
     """The root element without comments, and the faults of the text that were overlooked.
 
     No entity is resolved and nothing is loaded; the parser's own bounds on depth and length hold.
@@ -126,7 +130,7 @@ def _parser(*, recover: bool) -> XMLParser:
     )  # fmt: skip
 
 
-def _checked(root: _Element) -> _Element:
+def _checked(root: Element) -> Element:
     from lxml import etree
 
     if etree.ElementTree(root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
@@ -241,7 +245,7 @@ def _foreign_at(text: bytes) -> int | None:
     return None
 
 
-def _refuse_lost_letters(root: _Element) -> None:
+def _refuse_lost_letters(root: Element) -> None:
     """What no encoding explains may stand between elements, but in no name and no value."""
     for element in root.iter("*"):
         if any("\ufffd" in word for pair in element.items() for word in map(str, pair)):

@@ -124,8 +124,7 @@ class ComposeParts(Step):
         (files.outputs / "links.json").write_bytes(encode(tree))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         (files.outputs / "source_control.json").write_bytes(encode(whole))
-        text = json.dumps(lines, sort_keys=True, indent=1)
-        (files.outputs / "source_map.json").write_text(text + "\n", encoding="utf-8")
+        files.write_json("source_map.json", lines)
 
 
 def _told_left_out(part: MountedPart, keys: tuple[str, ...]) -> Iterator[Finding]:

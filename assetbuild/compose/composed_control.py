@@ -14,15 +14,12 @@ from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import parsed, root_pose
 from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor
 from assetbuild.robot.pose import IDENTITY, Pose, vec3
-from assetbuild.source.mjcf.opaque import keys, words
+from assetbuild.source.mjcf.opaque import words
+from assetbuild.source.mjcf.scenery import NAMES
 
 Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass
 WORLD = "world"
-REFERENCES = keys(
-    "name joint joint1 joint2 jointinparent body body1 body2 subtree1 subtree2 target site site1 "
-    "site2 refsite sidesite cranksite slidersite tendon tendon1 tendon2 geom geom1 geom2 actuator "
-    "camera material objname refname"
-)
+REFERENCES = NAMES.keys() | {"name", "material", "objname", "refname"}
 """Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
 OF_THE_BASE = ("option", "size", "root", "freejoint")
 """What a part says for itself alone: how it is simulated, and where it stands in its own world."""

@@ -6,7 +6,6 @@ detection is asked. Poses are seeded, uniform within the limits; joints that mim
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from pathlib import Path
@@ -56,8 +55,7 @@ class SamplePairs(Step):
         pairs = [pair for pair in combinations(solid, 2) if pair not in jointed]
         always = [pair for pair in pairs if counts.get(pair, 0) == self.samples]
         never = [pair for pair in pairs if counts.get(pair, 0) == 0]
-        text = json.dumps({"always": always, "never": never}, indent=1)
-        (files.outputs / "sampled_pairs.json").write_text(text + "\n", encoding="utf-8")
+        files.write_json("sampled_pairs.json", {"always": always, "never": never})
         yield SAMPLED(
             "recipe collision.exclude.sampled",
             f"of {len(pairs)} pairs, {len(always)} touch in all and {len(never)} in none "

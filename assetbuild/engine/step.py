@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,11 @@ class Files:
 
     inputs: Path
     outputs: Path
+
+    def write_json(self, name: str, value: object) -> None:
+        """Write an output as JSON, its keys in alphabetical order."""
+        text = json.dumps(value, sort_keys=True, indent=1) + "\n"
+        (self.outputs / name).write_text(text, encoding="ascii")
 
 
 @dataclass(frozen=True, slots=True)

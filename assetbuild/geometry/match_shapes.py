@@ -7,7 +7,6 @@ result measures it again.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -59,8 +58,7 @@ class MatchShapes(Step):
                 matches[name] = match
             else:
                 first.append(this)
-        text = json.dumps(matches, indent=1, sort_keys=True)
-        (files.outputs / "matches.json").write_text(text + "\n", encoding="utf-8")
+        files.write_json("matches.json", matches)
         return ()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
@@ -53,8 +52,7 @@ class DrawSamples(Step):
         samples = tuple(self._sample(tree, draws, index) for index in range(self.keep))
         (files.outputs / "samples.json").write_bytes(encode(Samples(samples)))
         rows = [_statistics(tree.by_body[name], drawn) for name, drawn in draws.items()]
-        text = json.dumps({"draws": self._count, "bodies": rows}, sort_keys=True, indent=1)
-        (files.outputs / "statistics.json").write_text(text + "\n", encoding="utf-8")
+        files.write_json("statistics.json", {"draws": self._count, "bodies": rows})
         return ()
 
     @property

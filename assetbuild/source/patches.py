@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.graph import Ref
@@ -20,45 +19,33 @@ from assetbuild.source.patch_text import PatchText
 _HUNK = re.compile(r"@@ -\d+(?:,(\d+))? \+\d+(?:,(\d+))? @@")
 
 
-@dataclass(frozen=True)
-class Passage:
-    """One replacement, with the key of its patch in the recipe and the label of its node."""
-
-    key: Key
-    label: str
-    step: PatchText
-
-    @property
-    def moves_lines(self) -> bool:
-        """Whether the lines behind it get other numbers."""
-        return self.step.find.count("\n") != self.step.replace.count("\n")
+Passages = dict[str, tuple[Key, PatchText]]
+"""(key of its patch in the recipe, one replacement) by the label of its node."""
 
 
 def patch_keys(patches: Sequence[Patch], folder: Path, world: World) -> dict[str, Key]:
     """Key in the recipe of each passage's node, by label."""
-    return {passage.label: passage.key for passage in passages(patches, folder, world)}
+    return {label: key for label, (key, _) in passages(patches, folder, world).items()}
 
 
-def passages(patches: Sequence[Patch], folder: Path, world: World) -> list[Passage]:
+def passages(patches: Sequence[Patch], folder: Path, world: World) -> Passages:
     """All of them in order. RecipeError for a diff that is none. folder: of the recipe."""
-    made: list[Passage] = []
+    made: Passages = {}
     for index, patch in enumerate(patches):
         own = patch.model_dump(exclude={"diff"}) if patch.diff is None else {}
         for step in [PatchText(**own)] if own else _of_diff(patch, folder, world):
-            label = f"patch {len(made) + 1} {step.file}"
-            made.append(Passage(("source", "patches", index), label, step))
+            made[f"patch {len(made) + 1} {step.file}"] = ("source", "patches", index), step
     return made
 
 
-def patched(patches: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
+def patched(patches: Passages, texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
     """The texts by path, each behind its patches. KeyedError for a patch of no such text."""
     now = dict(texts)
-    for passage in patches:
-        step = passage.step
+    for label, (key, step) in patches.items():
         if step.file not in now:
             message = f"`{step.file}` is no text that is read of the source"
-            raise KeyedError(passage.key, message, did_you_mean(step.file, now))
-        now[step.file] = p.add(passage.label, step, {"text": now[step.file]})["text"]
+            raise KeyedError(key, message, did_you_mean(step.file, now))
+        now[step.file] = p.add(label, step, {"text": now[step.file]})["text"]
     return now
 
 
@@ -69,24 +56,23 @@ def _of_diff(patch: Patch, folder: Path, world: World) -> list[PatchText]:
     path = Path(os.path.normpath(folder / str(patch.diff)))
     file = shown_path(path)
     data = read_small_file(path, RecipeError, world)
-    steps = [
-        PatchText(file=name, find=find, replace=replace, because=patch.because)
-        for name, find, replace in _hunks(data.decode("utf-8", "replace"), file)
-    ]
+    steps = list(_hunks(data.decode("utf-8", "replace"), file, patch.because))
     if not steps:
         hint = "write it by `diff -u OLD NEW` or `git diff`"
         raise RecipeError("no hunk of a unified diff", where=Where(file), hint=hint)
     return steps
 
 
-def _hunks(text: str, file: str) -> Iterator[tuple[str, str, str]]:
-    """(file, old lines, new lines) of each hunk."""
+def _hunks(text: str, file: str, because: str) -> Iterator[PatchText]:
+    """Yield a replacement of the old lines by the new ones for each hunk."""
     name, lines = "", text.splitlines(keepends=True)
     at = 0
     while at < len(lines):
         line, at = lines[at], at + 1
         if line.startswith("+++ "):
-            name = _name(line)
+            name = (
+                line[4:].split("\t")[0].strip().removeprefix("b/")
+            )  # +++ b/urdf/arm.urdf<tab>date
         if not (head := _HUNK.match(line)):
             continue
         where = Where(file, at)
@@ -106,12 +92,7 @@ def _hunks(text: str, file: str) -> Iterator[tuple[str, str, str]]:
             raise RecipeError(
                 "a hunk without old lines has no place", where=Where(file, start), hint=hint
             )
-        yield name, find, replace
-
-
-def _name(line: str) -> str:
-    """The file of `+++ b/urdf/arm.urdf<tab>date`."""
-    return line[4:].split("\t")[0].strip().removeprefix("b/")
+        yield PatchText(file=name, find=find, replace=replace, because=because)
 
 
 def _side(body: list[str], signs: str) -> str:

@@ -20,15 +20,17 @@ from assetbuild.lock import GitPin, Lock, Pin
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.source import Source
 from assetbuild.recipe.validation import Key, KeyedError
-from assetbuild.source.get.fetch import Fetch, OnLine, downloaded_wheel
-from assetbuild.source.get.fetch_git import (
+from assetbuild.source.get.fetch import (
     COMMIT,
+    Fetch,
     FetchGit,
+    FetchUrl,
+    OnLine,
     commit_of,
+    downloaded_wheel,
     export_commit,
     tree_digest,
 )
-from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.files import ArchiveFiles, FolderFiles
 from assetbuild.source.patches import passages, patched
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
@@ -153,7 +155,8 @@ def description_of(
         )
         made = p.add("expand_xacro", step, {f"tree/{name}": text for name, text in texts.items()})
         return Description(f"{path} (expanded)", made["robot.urdf"])
-    moved = any(each.moves_lines for each in changes if each.step.file == path)
+    own = (step for _, step in changes.values() if step.file == path)
+    moved = any(step.find.count("\n") != step.replace.count("\n") for step in own)
     shown = f"{path} (patched)" if moved and recipe.urdf else path
     return Description(shown, texts.pop(path), texts)
 

@@ -72,8 +72,6 @@ ELSEWHERE = {
     "assetbuild.checks.smoke_newton": "needs the trainer",
     "assetbuild.checks._foreign": "needs the extra `lint`, or the validator",
     "assetbuild.source.get.fetch": "needs the network",
-    "assetbuild.source.get.fetch_git": "needs the network",
-    "assetbuild.source.get.fetch_url": "needs the network",
 }
 """Steps that these builds do not run; no library or program of theirs is on every machine."""
 

@@ -77,10 +77,10 @@ def test_only_what_was_asked_for_lies_below_the_root(files):
     assert (files.outputs / "files/go/urdf/go.urdf").read_text() == "<robot/>"
 
 
-def test_the_listing_holds_files_below_the_root_with_sizes_and_the_licences(files):
+def test_the_listing_holds_files_below_the_root_and_the_licences(files):
     write_zip(files, ROBOT)
     assert listing(files, "share/robots") == {
-        "files": [["go/meshes/材质.obj", 7], ["go/urdf/go.urdf", 8]],
+        "files": ["go/meshes/材质.obj", "go/urdf/go.urdf"],
         "licenses": ["tiny-1.dist-info/COPYING.txt", "tiny-1.dist-info/licenses/LICENSE"],
         "links": [],
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import lzma
 import re
 import stat
@@ -152,9 +151,9 @@ def printable(path: str) -> str:
 
 
 class ListArchive(Step):
-    """`listing.json`: the files below `root` with their sizes, and the licence texts.
+    """`listing.json`: the files below `root`, and the licence texts.
 
-    {"files": [[path relative to root, bytes], ...], "licenses": [path in the archive, ...],
+    {"files": [path relative to root, ...], "licenses": [path in the archive, ...],
     "links": [path relative to root, ...]}, all sorted. links: those of `files` that are no regular
     files; `unpack` refuses them by name.
     """
@@ -173,28 +172,26 @@ class ListArchive(Step):
             odd = [m.path for m in members if m.kind not in ("file", "folder")]
             regular = (m.path for m in members if m.kind == "file" and not why_unsafe(m.path))
             listing = {
-                "files": [[path, size] for path, size in _files_below(members, self.root)],
+                "files": sorted(_files_below(members, self.root)),
                 "licenses": sorted({path for path in regular if _LICENSE.fullmatch(path)}),
                 "links": sorted({path for name in odd if (path := below(self.root, name))}),
             }
-        text = json.dumps(listing, separators=(",", ":"))
-        (files.outputs / "listing.json").write_text(text + "\n", encoding="ascii")
+        files.write_json("listing.json", listing)
         yield from ()
 
 
-def _files_below(members: Members, root: str) -> list[tuple[str, int]]:
-    files: set[tuple[str, int]] = set()
+def _files_below(members: Members, root: str) -> set[str]:
+    files: set[str] = set()
     for member in members:
         path = below(root, member.path)
         if path is None or member.kind == "folder":
             continue
-        reason = why_unsafe(member.path)
-        if reason:
-            raise SourceError(f"archive: member `{printable(member.path)}` has {reason}")
-        files.add((path, member.size))
+        if reason := why_unsafe(member.path):
+            raise _bad(member, f"has {reason}")
+        files.add(path)
     if not files:
         raise _no_root(members, root)
-    return sorted(files)
+    return files
 
 
 def _no_root(members: Members, root: str) -> SourceError:

@@ -37,7 +37,7 @@ class ArchiveFiles:
         answer = p.ask(listed["listing.json"])
         listing = json.loads(answer) if answer is not None else {}
         self._listed = answer is not None
-        self._files = [path for path, _ in listing.get("files", ())]
+        self._files = listing.get("files", ())
         # Links are never followed, so never among what may be included.
         self._regular = set(self._files) - set(listing.get("links", ()))
         self._of_wheel = listing.get("licenses", ())

@@ -13,27 +13,24 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from assetbuild.errors import SourceError, StepError, Where
 from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.simulators.mujoco import Model, caught_warnings, mj
 from assetbuild.source.mjcf.text import (
-    AT,
     Classes,
+    Element,
     error_at,
     named_bodies,
     of_bodies,
     own_attributes,
+    plain_text,
     remove,
     where_of,
 )
 
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
-Model = Any  # mujoco.MjModel: its extension module has no types
 _LINE = re.compile(r",? line (\d+)")
 
 
@@ -45,7 +42,7 @@ class Compiled:
     warnings: what MuJoCo said about the source.
     """
 
-    root: _Element
+    root: Element
     model: Model
     places: Model
     warnings: tuple[str, ...]
@@ -56,28 +53,30 @@ class Compiled:
         return Classes(self.root)
 
     @cached_property
-    def bodies(self) -> list[tuple[_Element, str]]:
+    def bodies(self) -> list[tuple[Element, str]]:
         """(element, name) of the world and of all bodies, depth first in file order."""
         return named_bodies(self.root)
 
-    def id_of(self, kind: str, name: str) -> int:
-        """Number of a body, joint, geom, site, camera, light, key, ... of the model."""
+    def entry(self, kind: str, name: str) -> Any:  # Any: MuJoCo's view of one
+        """Return a body, joint, geom, site, camera, light, key, ... of the model."""
         try:
-            return int(getattr(self.model, kind)(name).id)
+            return getattr(self.model, kind)(name)
         except KeyError:
             raise SourceError(f"{kind} `{name}` is not in the compiled model") from None
 
+    def id_of(self, kind: str, name: str) -> int:
+        """Return the number of an entry."""
+        return int(self.entry(kind, name).id)
+
     def pose_of(self, kind: str, name: str) -> Pose:
         """Where a body stands in its parent, or a geom, site or camera in its body."""
-        index = self.id_of(kind, name)
-        positions, quats = (getattr(self.model, f"{kind}_{part}") for part in ("pos", "quat"))
-        return pose_at(positions[index], quats[index])
+        entry = self.entry(kind, name)
+        return pose_at(entry.pos, entry.quat)
 
     def joints_of(self, body: str) -> range:
         """Numbers of the joints on a body."""
-        index = self.id_of("body", body)
-        first = int(self.model.body_jntadr[index])
-        return range(first, first + int(self.model.body_jntnum[index]))
+        entry = self.entry("body", body)
+        return range(int(entry.jntadr[0]), int(entry.jntadr[0] + entry.jntnum[0]))
 
     def joint_kinds(self, body: str) -> list[int]:
         """MuJoCo's numbers of their types, see `links.FREE`."""
@@ -90,7 +89,7 @@ def pose_at(position: Any, quat: Any) -> Pose:  # Any: rows of the model
     return Pose(vec3(position), normalised_quat((w, x, y, z)))
 
 
-def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
+def compile_source(root: Element, files: Mapping[str, bytes]) -> Compiled:
     """Compile a flattened source; SourceError with MuJoCo's words and our line.
 
     files: content of each mesh file by its path below the source's root.
@@ -114,7 +113,7 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     return Compiled(root, full, places, warnings)
 
 
-def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
+def _by_number(root: Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
     """Number the mesh files: to MuJoCo, files of one name in two folders are one."""
     names = {path: f"{number}_{posixpath.basename(path)}" for number, path in enumerate(files)}
     for mesh in root.iterfind("asset/mesh"):
@@ -123,24 +122,17 @@ def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
     return {names[path]: content for path, content in files.items()}
 
 
-def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
-    import mujoco
-    from lxml import etree
-
-    bare = copy.deepcopy(root)
-    for element in bare.iter("*"):
-        element.attrib.pop(AT, "")
-    etree.indent(bare)
-    text = etree.tostring(bare, encoding="unicode")
+def _compiled(root: Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
+    text = plain_text(root, indented=True)
     with caught_warnings() as warnings:
         try:
-            model = mujoco.MjModel.from_xml_string(text, dict(files))
+            model = mj.MjModel.from_xml_string(text, dict(files))
         except ValueError as error:
             raise _told(str(error), text, root) from None
     return model, tuple(" ".join(line.split()) for line in warnings)
 
 
-def _without_number(root: _Element) -> SourceError | None:
+def _without_number(root: Element) -> SourceError | None:
     """The first attribute that says NaN; names may be called so."""
     for element in root.iter("*"):
         for key, value in own_attributes(element).items():
@@ -149,7 +141,7 @@ def _without_number(root: _Element) -> SourceError | None:
     return None
 
 
-def _told(message: str, text: str, root: _Element) -> SourceError:
+def _told(message: str, text: str, root: Element) -> SourceError:
     """MuJoCo's complaint with the line of the source instead of that of our text."""
     from lxml import etree
 
@@ -164,7 +156,7 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
     return SourceError(f"MuJoCo does not compile it: {words}", where=where)
 
 
-def plain(root: _Element) -> _Element:
+def plain(root: Element) -> Element:
     """The source without pictures, skins and height fields, its bodies and shapes all kept."""
     bare = copy.deepcopy(root)
     for element in list(bare.iter("texture", "layer", "hfield", "skin")):
@@ -181,7 +173,7 @@ def plain(root: _Element) -> _Element:
     return bare
 
 
-def without_meshes(root: _Element) -> _Element:
+def without_meshes(root: Element) -> Element:
     """The source with small spheres in the places of its meshes."""
     spheres = copy.deepcopy(root)
     classes = Classes(spheres)

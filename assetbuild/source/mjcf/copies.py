@@ -8,20 +8,15 @@ copies are made of it.
 from __future__ import annotations
 
 import base64
-import copy
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import Path
-from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.simulators.mujoco import caught_warnings, mj
 from assetbuild.source.mjcf.compiled import plain, without_meshes
-from assetbuild.source.mjcf.text import AT, error_at, path_of, remove, where_of
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import AT, Element, error_at, path_of, plain_text, remove
 
 STANDING_IN = {
     "obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
@@ -36,7 +31,7 @@ MOST = 100_000
 """Elements that are written out."""
 
 
-def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int = 0) -> _Element:
+def write_out(root: Element, load: Callable[[Element], Element], depth: int = 0) -> Element:
     """The same robot without `<replicate>` and `<attach>`. SourceError with file and line.
 
     load: a model that an element of `<asset>` names, files resolved.
@@ -49,7 +44,7 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         return root
     if depth > DEEPEST:
         raise error_at(first, f"models are attached more than {DEEPEST} deep")
-    models: dict[str, _Element] = {}
+    models: dict[str, Element] = {}
     for number, element in enumerate(elements):
         child = write_out(load(element), load, depth + 1)
         if not element.get("name"):
@@ -74,13 +69,13 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
     except ValueError as error:
         words = " ".join(str(error).split())
         message = f"MuJoCo does not write <{first.tag}> out: {words}"
-        raise SourceError(message, where=where_of(first)) from None
+        raise error_at(first, message) from None
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})
     return made
 
 
-def _stand_in(roots: list[_Element]) -> dict[str, str]:
+def _stand_in(roots: list[Element]) -> dict[str, str]:
     """Rename all files to such that stand in for them; their paths by the new names."""
     paths: dict[str, str] = {}
     for element in (e for root in roots for e in root.iterfind("asset/*")):
@@ -92,7 +87,7 @@ def _stand_in(roots: list[_Element]) -> dict[str, str]:
     return paths
 
 
-def _rename_classes(model: _Element, number: int) -> None:
+def _rename_classes(model: Element, number: int) -> None:
     """Without a prefix MuJoCo would write the classes of two models under one name."""
     for element in model.iter("*"):
         for key in ("class", "childclass"):
@@ -100,7 +95,7 @@ def _rename_classes(model: _Element, number: int) -> None:
                 element.set(key, f"{element.get(key)}-of-{number}")
 
 
-def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
+def _refuse_many(root: Element, sizes: Mapping[str, int]) -> None:
     """sizes: number of elements of each model by name."""
     total = 0
     for element in root.iter("*"):
@@ -113,7 +108,7 @@ def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
             raise error_at(element, f"more than {MOST} elements when all copies are written out")
 
 
-def _with_lines(text: str, roots: list[_Element]) -> _Element:
+def _with_lines(text: str, roots: list[Element]) -> Element:
     """MuJoCo's text, each element with the place of the one that it was made of.
 
     That is the one with the longest name that its own contains; else the place of what it is in.
@@ -134,29 +129,14 @@ def _with_lines(text: str, roots: list[_Element]) -> _Element:
     return made
 
 
-def _spec(
-    root: _Element, models: Mapping[str, _Element], files: Iterable[str]
-) -> Any:  # Any: MjSpec
+def _spec(root: Element, models: Mapping[str, Element], files: Iterable[str]) -> Any:  # Any: MjSpec
     """files: names of those that stand in."""
-    import mujoco
-
-    texts = {name: _text(child).encode() for name, child in models.items()}
+    texts = {name: plain_text(child).encode() for name, child in models.items()}
     assets = {name: STANDING_IN[name[-3:]] for name in files}
-    return mujoco.MjSpec.from_string(_text(root), include=texts, assets=assets)
+    return mj.MjSpec.from_string(plain_text(root), include=texts, assets=assets)
 
 
-def _text(root: _Element) -> str:
-    from lxml import etree
-
-    bare = copy.deepcopy(root)
-    for element in bare.iter("*"):
-        element.attrib.pop(AT, "")
-    return etree.tostring(bare, encoding="unicode")
-
-
-def _compare(
-    root: _Element, models: Mapping[str, _Element], made: _Element, first: _Element
-) -> None:
+def _compare(root: Element, models: Mapping[str, Element], made: Element, first: Element) -> None:
     """SourceError where the text that MuJoCo wrote is another robot."""
     bare = {name: without_meshes(plain(child)) for name, child in models.items()}
     one = _spec(without_meshes(plain(root)), bare, ()).compile()

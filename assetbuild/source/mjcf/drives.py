@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from assetbuild.findings import Finding
-from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
-from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
-from assetbuild.source.mjcf.compiled import Model
-from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
+from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, MjcfOnly
+from assetbuild.simulators.mujoco import Model, actuators, mj
+from assetbuild.simulators.mujoco.drives import read_drive
+from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
-from assetbuild.source.mjcf.text import dropped, error_at, where_of
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import Element, dropped, error_at, where_of
 
 KINDS = {
     "dyn": ("none", "integrator", "filter", "filterexact", "muscle", "user"),
@@ -25,6 +21,8 @@ KINDS = {
 """MuJoCo's words for `dyntype`, `gaintype` and `biastype` of a law that a <general> can state."""
 ALONE = frozenset({"muscle", "user"})
 """Kinds that MJCF alone has the words for."""
+Law = dict[str, tuple[str, tuple[float, ...]]]
+"""(MuJoCo's word, parameters) of each part of an actuator's law."""
 STEADY = frozenset({"none", "filter", "filterexact"})
 """Kinds of `dyntype` whose state becomes the command."""
 STRAIGHT = (0, 1)
@@ -45,7 +43,6 @@ class Drives:
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
     names: list[tuple[str, str]] = field(default_factory=list)
     resting: list[tuple[str, float]] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
 
 
 def read_drives(links: Links) -> Drives:
@@ -53,8 +50,8 @@ def read_drives(links: Links) -> Drives:
     drives, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
     moving = {joint.name: joint for joint in links.joints if joint.kind in MOVING}
-    levers = [_lever(model, index) for index in range(len(model.actuator_trntype))]
-    joints = [joint for joint, _ in levers]
+    levers = [read_drive(model, index) for index in actuators(model)]
+    joints = [lever.joint_name if lever else "" for lever in levers]
     for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))
         index = links.source.id_of("actuator", name)
@@ -62,14 +59,14 @@ def read_drives(links: Links) -> Drives:
             message = f"`user` of actuator `{name}` was left out ({where_of(element)})"
             hint = "it says nothing about the robot itself"
             lost = dropped("actuator", f"actuator {name}", message, hint, attributes=("user",))
-            drives.findings.append(lost)
-        joint, gear = levers[index]
+            links.findings.append(lost)
+        joint, lever = joints[index], levers[index]
         taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
         alone = int(model.actuator_trntype[index]) not in STRAIGHT
-        if taken is not None:
+        if taken is not None and lever is not None:
             scaled = None if joint in links.rest else _scaled(taken)
             alone = alone or scaled is not None
-            taken = _at_rest(_geared(scaled or taken, gear), links.rest.get(joint, 0.0))
+            taken = _at_rest(_geared(scaled or taken, lever.gear), links.rest.get(joint, 0.0))
             driven[joint] = replace(taken, joint=joint, name=name)
         if taken is None or alone:
             owner = joint if taken else ""
@@ -90,10 +87,17 @@ def read_drives(links: Links) -> Drives:
         drives.mjcf_only += [MjcfOnly("drive", element_text(*one), joint) for one in more]
     for name, moved in moving.items():
         actuator = driven.get(name, Actuator(name, "passive"))
-        at = int(model.joint(name).id)
-        clamp = _range(model.jnt_actfrclimited[at], model.jnt_actfrcrange[at])
+        clamp = _range(model, "jnt_actfrc", int(model.joint(name).id))
         limited, words_of_its_own = _clamped(actuator, clamp)
-        drives.actuators.append(_of_joint(limited, moved, model))
+        drives.actuators.append(
+            replace(
+                limited,
+                damping=moved.damping or 0.0,
+                friction=moved.friction or 0.0,
+                armature=float(model.joint(name).armature[0]),
+                source="the source's MJCF" if actuator.model != "passive" else "",
+            )
+        )
         if words_of_its_own:
             text = element_text("general", words_of_its_own)
             drives.mjcf_only.append(MjcfOnly("drive", text, name))
@@ -122,30 +126,6 @@ def _clamped(
     return limited, {"forcerange": words((-effort, effort))}
 
 
-def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:
-    dof = int(model.jnt_dofadr[int(model.joint(joint.name).id)])
-    return replace(
-        actuator,
-        damping=joint.damping or 0.0,
-        friction=joint.friction or 0.0,
-        armature=float(model.dof_armature[dof]),
-        source="the source's MJCF" if actuator.model != "passive" else "",
-    )
-
-
-def _lever(model: Model, index: int) -> tuple[str, float]:
-    """(the hinge or slide that an actuator drives, its gear there); ("", 0) for any other.
-
-    A tendon over joints that follow one another drives the one that leads, see `levers`.
-    """
-    joint, gear = int(model.actuator_trnid[index][0]), float(model.actuator_gear[index, 0])
-    if int(model.actuator_trntype[index]) not in STRAIGHT:
-        joint, gear = tendon_lever(model, index) or (-1, 0.0)
-    elif int(model.jnt_type[joint]) not in (SLIDE, HINGE):
-        joint = -1
-    return (str(model.joint(joint).name), gear) if joint >= 0 else ("", 0.0)
-
-
 def _taken(model: Model, index: int) -> Actuator | None:
     """The actuator in the Robot's words; None when they do not say all of it."""
     gear = [float(v) for v in model.actuator_gear[index]]
@@ -153,18 +133,15 @@ def _taken(model: Model, index: int) -> Actuator | None:
     plain = plain and not int(model.actuator_actlimited[index]) and not _extended(model, index)
     if not plain or int(model.actuator_plugin[index]) >= 0:
         return None
-    force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
+    force = _range(model, "actuator_force", index)
     if force is not None and force[0] != -force[1]:
         return None
-    kinds = _kinds(model, index)
-    if any(kind in ALONE or kind not in KINDS[part] for part, kind in kinds.items()):
+    law = _law(model, index)
+    if any(kind in ALONE or kind not in KINDS[part] for part, (kind, _) in law.items()):
         return None
     effort = force[1] if force else None
-    ctrl = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
-    dyn, gain, bias = (
-        [float(v) for v in getattr(model, f"actuator_{part}prm")[index]] for part in KINDS
-    )
-    dyntype, gaintype, biastype = kinds.values()
+    ctrl = _range(model, "actuator_ctrl", index)
+    (dyntype, _), (gaintype, gain), (biastype, bias) = law.values()
     kp, kd = gain[0], 0.0 - bias[2]
     if (dyntype, gaintype) == ("none", "fixed") and not any(gain[1:]):
         if (
@@ -175,13 +152,13 @@ def _taken(model: Model, index: int) -> Actuator | None:
         ):
             return Actuator("", "motor", effort=ctrl[1] if ctrl else None, ctrl=ctrl)
         if biastype == "affine" and kp > 0.0 and not any(bias[3:]):
-            if bias[:2] == [0.0, -kp] and kd >= 0.0:
+            if bias[:2] == (0.0, -kp) and kd >= 0.0:
                 return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
-            if bias[:3] == [0.0, 0.0, -kp]:
+            if bias[:3] == (0.0, 0.0, -kp):
                 return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
     attributes: dict[str, Any] = {}  # Any: the tables' words are those of the model
-    for part, prm in (("dyn", dyn), ("gain", gain), ("bias", bias)):
-        attributes |= {f"{part}type": kinds[part], f"{part}prm": _trimmed(prm)}
+    for part, (kind, prm) in law.items():
+        attributes |= {f"{part}type": kind, f"{part}prm": _trimmed(prm)}
     general = General.model_construct(**attributes)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
@@ -213,8 +190,6 @@ def _geared(actuator: Actuator, gear: float) -> Actuator:
     MuJoCo's length is gear q and its force pulls with gear f: a stiffness counts gear^2 times, a
     limit of the force |gear| times. A command is a position or a speed of the actuator, or a force.
     """
-    if gear == 1.0:
-        return actuator
     geared = replace(
         actuator,
         gear=gear,
@@ -253,14 +228,15 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
     return (float(f"{prm[0] + prm[1] * ref:.15g}"), *prm[1:]) if len(prm) > 1 else prm
 
 
-def _whole(element: _Element, links: Links, index: int) -> str:
+def _whole(element: Element, links: Links, index: int) -> str:
     """The actuator as `<general>` with all its compiled numbers, or as stated where it is more."""
     model = links.source.model
-    kinds = _kinds(model, index)
+    law = _law(model, index)
     if int(model.actuator_plugin[index]) >= 0:
         hint = "use one of MuJoCo's own kinds"
         raise error_at(element, f"actuator `{element.get('name')}` of a plug-in", hint)
-    beyond = any(kind not in KINDS[part] for part, kind in kinds.items()) or _extended(model, index)
+    known = all(kind in KINDS[part] for part, (kind, _) in law.items())
+    beyond = not known or _extended(model, index)
     attributes = {"name": str(element.get("name"))}
     for ref in _REFS:
         if element.get(ref):
@@ -271,16 +247,19 @@ def _whole(element: _Element, links: Links, index: int) -> str:
     over |= {
         j.get("joint") for t in tendons if t.get("name") == attributes.get("tendon") for j in t
     }
-    if over & links.rest.keys() and (beyond or _depends_on_position(model, index, kinds)):
+    moves_force = any(  # with the position of the joint
+        kind == "muscle" or (part != "dyn" and kind == "affine" and prm[1] != 0.0)
+        for part, (kind, prm) in law.items()
+    )
+    if over & links.rest.keys() and (beyond or moves_force):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{attributes['name']}` on a joint with `ref`", hint)
     if beyond:
         stated = links.source.classes.attributes(element)  # in the source's own words
         plain = {key: value for key, value in stated.items() if key != "user"}
         return element_text(str(element.tag), plain | attributes)
-    attributes |= {f"{part}type": kind for part, kind in kinds.items()}
-    for part in KINDS:
-        attributes[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
+    attributes |= {f"{part}type": kind for part, (kind, _) in law.items()}
+    attributes |= {f"{part}prm": words(_trimmed(prm)) for part, (_, prm) in law.items()}
     attributes["gear"] = words(model.actuator_gear[index])
     if element.get("cranksite"):
         attributes["cranklength"] = words((model.actuator_cranklength[index],))
@@ -289,10 +268,10 @@ def _whole(element: _Element, links: Links, index: int) -> str:
     if int(model.actuator_group[index]):
         attributes["group"] = str(int(model.actuator_group[index]))
     for kind in ("ctrl", "force", "act"):
-        limited = bool(getattr(model, f"actuator_{kind}limited")[index])
-        attributes[f"{kind}limited"] = "true" if limited else "false"
-        if limited:
-            attributes[f"{kind}range"] = words(getattr(model, f"actuator_{kind}range")[index])
+        limits = _range(model, f"actuator_{kind}", index)
+        attributes[f"{kind}limited"] = "true" if limits else "false"
+        if limits:
+            attributes[f"{kind}range"] = words(limits)
     if model.actuator_actearly[index]:
         attributes["actearly"] = "true"
     return element_text("general", attributes)
@@ -300,34 +279,22 @@ def _whole(element: _Element, links: Links, index: int) -> str:
 
 def _resting(model: Model, index: int) -> float:
     """The command of an actuator, within its range, that pulls with no force at the zero pose."""
-    kinds, gain = _kinds(model, index), float(model.actuator_gainprm[index][0])
+    (dyntype, _), (gaintype, gain), (biastype, bias) = _law(model, index).values()
     command = 0.0
-    if kinds["gain"] == "fixed" and kinds["bias"] == "affine" and kinds["dyn"] in STEADY and gain:
-        constant, stiff = (float(value) for value in model.actuator_biasprm[index][:2])
-        command = 0.0 - (constant + stiff * float(model.actuator_length0[index])) / gain
-    limits = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
+    if gaintype == "fixed" and biastype == "affine" and dyntype in STEADY and gain[0]:
+        command = 0.0 - (bias[0] + bias[1] * float(model.actuator_length0[index])) / gain[0]
+    limits = _range(model, "actuator_ctrl", index)
     return min(max(command, limits[0]), limits[1]) if limits else command
 
 
-def _kinds(model: Model, index: int) -> dict[str, str]:
-    """MuJoCo's words for what makes the force of an actuator."""
-    import mujoco
-
-    enums = {"dyn": mujoco.mjtDyn, "gain": mujoco.mjtGain, "bias": mujoco.mjtBias}
-    return {
-        part: enum(int(getattr(model, f"actuator_{part}type")[index])).name.split("_")[1].lower()
-        for part, enum in enums.items()
-    }
-
-
-def _depends_on_position(model: Model, index: int, kinds: dict[str, str]) -> bool:
-    """Whether its force changes with the position of its joint."""
-    linear = [
-        float(getattr(model, f"actuator_{part}prm")[index][1])
-        for part in ("gain", "bias")
-        if kinds[part] == "affine"
-    ]
-    return any(linear) or "muscle" in kinds.values()
+def _law(model: Model, index: int) -> Law:
+    """Return what makes the force of an actuator: `dyn`, `gain` and `bias`."""
+    law: Law = {}
+    for part, enum in (("dyn", mj.mjtDyn), ("gain", mj.mjtGain), ("bias", mj.mjtBias)):
+        kind, prm = (getattr(model, f"actuator_{part}{of}")[index] for of in ("type", "prm"))
+        word = enum(int(kind)).name.split("_")[1].lower()
+        law[part] = word, tuple(float(value) for value in prm)
+    return law
 
 
 def _extended(model: Model, index: int) -> bool:
@@ -339,8 +306,10 @@ def _extended(model: Model, index: int) -> bool:
     )
 
 
-def _range(limited: Any, values: Any) -> tuple[float, float] | None:  # Any: entries of the model
-    return (float(values[0]), float(values[1])) if limited else None
+def _range(model: Model, what: str, index: int) -> tuple[float, float] | None:
+    """Return the range that limits a force or command; None where nothing limits it."""
+    lower, upper = (float(end) for end in getattr(model, f"{what}range")[index])
+    return (lower, upper) if getattr(model, f"{what}limited")[index] else None
 
 
 def _trimmed(values: Any) -> tuple[float, ...]:  # Any: a row of the model

@@ -5,27 +5,26 @@ Meshes whose points stand in the MJCF itself, or that MuJoCo makes, become OBJ f
 
 from __future__ import annotations
 
-import json
 import posixpath
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
 from assetbuild.findings import Finding
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.robot.pose import Array, normalised_quat, rotation_of
+from assetbuild.simulators.mujoco import mj
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
-from assetbuild.source.mjcf.scenery import cut_scenery
+from assetbuild.source.mjcf.scenery import JOINTS, cut_scenery
 from assetbuild.source.mjcf.text import (
     AT,
     WORLD,
     Classes,
+    Element,
     bodies,
     dropped,
     error_at,
@@ -37,9 +36,6 @@ from assetbuild.source.mjcf.text import (
     world_of,
 )
 from assetbuild.xml_text import free_name
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 REFUSED = {
     "composite": "MuJoCo 4 has none; MuJoCo 3 writes its bodies out (`mj_saveLastXML`): build that",
@@ -85,18 +81,17 @@ class FlattenMjcf(Step):
         name_all(root)
         findings += cut_scenery(root, self.body)
         findings += write_inline(root, files.outputs / "inline")
-        (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
-        lines = [str(element.get(AT)) for element in root.iter("*")]
-        (files.outputs / "lines.json").write_text(_json(lines), encoding="ascii")
-        source_map = {"file": self.file, "lines": _source_map(root, self.file)}
-        (files.outputs / "source_map.json").write_text(_json(source_map), encoding="ascii")
+        files.write_json("meshes.json", _meshes(root))
+        files.write_json("lines.json", [str(element.get(AT)) for element in root.iter("*")])
+        lines = _source_map(root, self.file)
+        files.write_json("source_map.json", {"file": self.file, "lines": lines})
         for element in root.iter("*"):
             element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
         yield from findings
 
 
-def _check_words(root: _Element, grammar: float) -> None:
+def _check_words(root: Element, grammar: float) -> None:
     """SourceError for a word that MuJoCo 3.11 does not know, unless the recipe keeps such words."""
     for element in root.iter("*") if grammar < float(NEWEST) else ():
         words = newer_words(str(element.tag), own_attributes(element))
@@ -107,7 +102,7 @@ def _check_words(root: _Element, grammar: float) -> None:
             raise error_at(element, message, hint)
 
 
-def _without_sensors_of_plugins(root: _Element) -> Iterator[Finding]:
+def _without_sensors_of_plugins(root: Element) -> Iterator[Finding]:
     """They measure and move nothing; nor does a plug-in that nothing else uses."""
     for sensor in list(root.iterfind("sensor/plugin")):
         name = sensor.get("name", "")
@@ -122,21 +117,17 @@ def _without_sensors_of_plugins(root: _Element) -> Iterator[Finding]:
             remove(plugin)
 
 
-def _json(value: object) -> str:
-    return json.dumps(value, sort_keys=True, indent=1) + "\n"
-
-
 # --- files ----------------------------------------------------------------------------------
 
 
-def _attached(asked: _Element, tree: Path) -> _Element:
+def _attached(asked: Element, tree: Path) -> Element:
     """The model that an element of `<asset>` names."""
     if asked.get("content_type", "text/xml") != "text/xml":
         raise error_at(asked, "a model of a format that is not read", "attach MJCF")
     return _resolved(expanded(below(asked, folder_of(asked)), tree, asked))
 
 
-def _resolved(root: _Element) -> _Element:
+def _resolved(root: Element) -> Element:
     """Each `file` becomes a path below the source's root; the compiler's folders go."""
     if root.find("worldbody") is None:
         raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
@@ -169,7 +160,7 @@ def _resolved(root: _Element) -> _Element:
     return root
 
 
-def _meshes(root: _Element) -> list[dict[str, object]]:
+def _meshes(root: Element) -> list[dict[str, object]]:
     """As `read_urdf` lists them: the first use of each mesh file, by path."""
     entries: dict[str, dict[str, object]] = {}
     for mesh in root.iterfind("asset/mesh"):
@@ -179,31 +170,22 @@ def _meshes(root: _Element) -> list[dict[str, object]]:
     return [entries[path] for path in sorted(entries)]
 
 
-def _source_map(root: _Element, main: str) -> dict[str, object]:
+def _source_map(root: Element, main: str) -> dict[str, object]:
     """Line by subject; `file:line` where an included file says it."""
-    lines: dict[str, object] = {}
-
-    def note(subject: str, element: _Element) -> None:
-        where = where_of(element)
-        lines.setdefault(subject, where.line if where.file == main else str(where))
-
-    note("robot", root)
     around = named_bodies(root)
-    for body, name in around[1:]:
-        note(f"link {name}", body)
-    for body, _ in around:
-        for part in parts(body, *_SUBJECTS):
-            note(f"{_SUBJECTS[str(part.tag)]} {part.get('name')}", part)
-    for mesh in root.iterfind("asset/mesh"):
-        note(f"mesh {mesh.get('file')}", mesh)
-    for material in root.iterfind("asset/material"):
-        note(f"material {material.get('name')}", material)
-    for section in ("actuator", "sensor", "equality", "tendon"):
+    elements = [("robot", root), *((f"link {name}", body) for body, name in around[1:])]
+    on_bodies = (part for body, _ in around for part in parts(body, *_SUBJECTS))
+    elements += [(f"{_SUBJECTS[str(part.tag)]} {part.get('name')}", part) for part in on_bodies]
+    elements += [(f"mesh {mesh.get('file')}", mesh) for mesh in root.iterfind("asset/mesh")]
+    elements += [(f"material {m.get('name')}", m) for m in root.iterfind("asset/material")]
+    for section in SECTIONS:
         for element in root.iterfind(f"{section}/*"):
             target = element.get("joint") if section == "actuator" else None
-            note(f"{section} {target or element.get('name')}", element)
-    for key in root.iterfind("keyframe/key"):
-        note(f"keyframe {key.get('name')}", key)
+            elements.append((f"{section} {target or element.get('name')}", element))
+    lines: dict[str, object] = {}
+    for subject, element in elements:
+        where = where_of(element)
+        lines.setdefault(subject, where.line if where.file == main else str(where))
     return lines
 
 
@@ -220,54 +202,48 @@ _SUBJECTS = {
 SECTIONS = ("actuator", "sensor", "equality", "tendon", "keyframe")
 
 
-def name_all(root: _Element) -> None:
+def name_all(root: Element) -> None:
     """Name every body, joint, geom, site, camera, light, mesh and element of a section."""
     taken = {name for _, name in named_bodies(root)}
     for body, parent in bodies(world_of(root)):  # named before those on it are looked at
         if not body.get("name"):
             body.set("name", free_name("body" if parent == WORLD else f"{parent}_body", taken))
-    _name_parts(root)
+    classes, around = Classes(root), named_bodies(root)
+    for tags in (JOINTS, ("geom",), ("site",), ("camera",), ("light",)):
+        on_bodies = {part: name for body, name in around for part in parts(body, *tags)}
+        _name({part: f"{name}_{_role(part, classes)}" for part, name in on_bodies.items()})
     for asset in root.iterchildren("asset"):
         for tag in ("mesh", "material", "texture", "hfield"):
-            elements = list(asset.iterchildren(tag))
-            _name(elements, lambda e: PurePosixPath(e.get("file", "")).stem or str(e.tag))
+            elements = asset.iterchildren(tag)
+            _name({e: PurePosixPath(e.get("file", "")).stem or tag for e in elements})
     for section in SECTIONS:
         for node in root.iterchildren(section):
-            _name(list(node.iterchildren("*")), _acting_name)
+            _name({e: _acting_name(e, section) for e in node.iterchildren("*")})
 
 
-def _name_parts(root: _Element) -> None:
-    classes, around = Classes(root), named_bodies(root)
-    for tags in (("joint", "freejoint"), ("geom",), ("site",), ("camera",), ("light",)):
-        elements = [(part, name) for body, name in around for part in parts(body, *tags)]
-        taken = {str(part.get("name")) for part, _ in elements if part.get("name")}
-        for part, body_name in elements:
-            if not part.get("name"):
-                suffix = _role(classes.attributes(part)) if part.tag == "geom" else tags[0]
-                part.set("name", free_name(f"{body_name}_{suffix}", taken))
-
-
-def _role(attributes: dict[str, str]) -> str:
-    """Whether a geom's masks let it touch anything."""
+def _role(part: Element, classes: Classes) -> str:
+    """Return the last word of a part's name; for a geom, whether it can touch anything."""
+    if part.tag != "geom":
+        return "joint" if part.tag in JOINTS else str(part.tag)
+    attributes = classes.attributes(part)
     masks = [attributes.get(key, "1").strip() for key in ("contype", "conaffinity")]
     return "visual" if all(mask in ("0", "+0") for mask in masks) else "collision"
 
 
-def _name(elements: list[_Element], wanted: Callable[[_Element], str]) -> None:
-    taken = {str(element.get("name")) for element in elements if element.get("name")}
-    for element in elements:
+def _name(wanted: Mapping[Element, str]) -> None:
+    """Name the elements without a name as wanted, or with a number behind it."""
+    taken = {str(element.get("name")) for element in wanted if element.get("name")}
+    for element, name in wanted.items():
         if not element.get("name"):
-            element.set("name", free_name(wanted(element), taken))
+            element.set("name", free_name(name, taken))
 
 
-def _acting_name(element: _Element) -> str:
+def _acting_name(element: Element, section: str) -> str:
     """After what it acts on or looks at: `FR_hip_joint`, `imu_gyro`."""
     for key in ("joint", "tendon", "site", "objname", "body", "joint1", "body1"):
         if element.get(key):
             owner = str(element.get(key))
-            parent = element.getparent()
-            acting = parent is not None and parent.tag == "actuator"
-            return owner if acting else f"{owner}_{element.tag}"
+            return owner if section == "actuator" else f"{owner}_{element.tag}"
     return str(element.tag)
 
 
@@ -277,7 +253,7 @@ WRITTEN = ("vertex", "face", "builtin", "params")
 LOST = ("normal", "texcoord", "facenormal", "facetexcoord")
 
 
-def write_inline(root: _Element, folder: Path) -> Iterator[Finding]:
+def write_inline(root: Element, folder: Path) -> Iterator[Finding]:
     """Write each mesh without a file to a folder, and name that file instead of its points."""
     folder.mkdir()
     meshes = [mesh for mesh in root.iterfind("asset/mesh") if not mesh.get("file")]
@@ -306,7 +282,7 @@ def write_inline(root: _Element, folder: Path) -> Iterator[Finding]:
 _Triangles = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]
 
 
-def _stated(mesh: _Element, name: str) -> _Triangles:
+def _stated(mesh: Element, name: str) -> _Triangles:
     """Points, m, and triangles; without triangles the hull of the points, as MuJoCo has it."""
     try:
         points = np.array([float(word) for word in mesh.get("vertex", "").split()])
@@ -324,9 +300,8 @@ def _stated(mesh: _Element, name: str) -> _Triangles:
     return points.tolist(), faces.tolist()
 
 
-def _made(mesh: _Element, name: str) -> _Triangles:
+def _made(mesh: Element, name: str) -> _Triangles:
     """What MuJoCo makes of `builtin`, moved back from the principal axes where it keeps it."""
-    import mujoco
     from lxml import etree
 
     attributes = {key: value for key, value in own_attributes(mesh).items() if key in WRITTEN}
@@ -334,11 +309,11 @@ def _made(mesh: _Element, name: str) -> _Triangles:
     text = f"""<mujoco><asset>{alone}</asset>
       <worldbody><geom type="mesh" mesh="m" contype="0" conaffinity="0"/></worldbody></mujoco>"""
     try:
-        model = mujoco.MjModel.from_xml_string(text)
+        model = mj.MjModel.from_xml_string(text)
     except ValueError as error:
         words = " ".join(str(error).split())
         message = f"mesh `{name}`: MuJoCo does not make it: {words}"
-        raise SourceError(message, where=where_of(mesh)) from None
+        raise error_at(mesh, message) from None
     turn = normalised_quat(tuple(float(v) for v in model.mesh_quat[0]))  # type: ignore[arg-type] # four numbers
     points: Array = np.asarray(model.mesh_vert, dtype=np.float64) @ rotation_of(turn).T
     return (points + model.mesh_pos[0]).tolist(), np.asarray(model.mesh_face).tolist()

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import posixpath
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
-from assetbuild.source.mjcf.text import AT, error_at, where_of
+from assetbuild.source.mjcf.text import AT, Element, error_at, where_of
 from assetbuild.source.urdf.xml import read_xml
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 
 class ListIncludes(Step):
@@ -43,19 +39,17 @@ class ListIncludes(Step):
             if not (tree / path).is_file():
                 wanted.add(path)
                 continue
-            try:
+            with suppress(SourceError):
                 root = _parsed(path, tree, None)
                 for element in [*root.iter("include"), *root.iterfind("asset/model")]:
                     if element.get("file"):
                         included = below(element, posixpath.dirname(main))
                         waiting.append((included, main if element.tag == "include" else included))
-            except SourceError:
-                continue
-        (files.outputs / "includes.json").write_text(json.dumps(sorted(wanted)), encoding="ascii")
+        files.write_json("includes.json", sorted(wanted))
         return iter(())
 
 
-def expanded(file: str, tree: Path, asked: _Element | None = None) -> _Element:
+def expanded(file: str, tree: Path, asked: Element | None = None) -> Element:
     """The <mujoco> element with every include in its place.
 
     asked: the element that names the file; None for the robot's own.
@@ -84,7 +78,7 @@ def expanded(file: str, tree: Path, asked: _Element | None = None) -> _Element:
     return root
 
 
-def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
+def _parsed(path: str, tree: Path, include: Element | None) -> Element:
     file = tree / path
     if not file.is_file():
         known = [p.relative_to(tree).as_posix() for p in sorted(tree.rglob("*.xml"))]
@@ -100,12 +94,12 @@ def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
     return root
 
 
-def folder_of(element: _Element) -> str:
+def folder_of(element: Element) -> str:
     """The folder of the file that an element stands in."""
     return posixpath.dirname(where_of(element).file)
 
 
-def below(element: _Element, folder: str, name: str | None = None) -> str:
+def below(element: Element, folder: str, name: str | None = None) -> str:
     """The path below the source's root that an element's `file`, or a name, stands for."""
     name = (element.get("file", "") if name is None else name).strip()
     if not name:

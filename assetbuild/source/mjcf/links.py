@@ -14,24 +14,21 @@ A site is a link without mass on a fixed joint, which merging makes a frame.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
-from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, Mimic
+from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, MjcfOnly
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
-from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
-from assetbuild.source.mjcf.compiled import Compiled, Model
-from assetbuild.source.mjcf.scenery import is_held
-from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts
+from assetbuild.source.mjcf.compiled import Compiled
+from assetbuild.source.mjcf.opaque import element_text
+from assetbuild.source.mjcf.scenery import hangs
+from assetbuild.source.mjcf.text import WORLD, Element, bodies, error_at, parts
 
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
-FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
+FREE, BALL, SLIDE = 0, 1, 2
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 JOINT_POS = Rule(
     "mjcf.joint_pos",
@@ -70,6 +67,7 @@ class Links:
     shift: where the frame of a link stands in the frame of the body of that name, m.
     rest: `ref` of each joint, rad or m. sites: link by site.
     mount: pose of the root body in the world, in the source. free_joint: its name, or "".
+    mjcf_only, findings: of the bodies and of all that is read after them.
     """
 
     source: Compiled
@@ -83,11 +81,18 @@ class Links:
     sites: dict[str, str] = field(default_factory=dict)
     mount: Pose = IDENTITY
     free_joint: str = ""
+    mjcf_only: list[MjcfOnly] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
     def in_link(self, body: str, pose: Pose) -> Pose:
         """A pose given in the frame of a body of the source, in the frame of its link."""
-        return Pose(_minus(pose.xyz, self.shift[body]), pose.quat)
+        return Pose(_minus(pose.xyz, self.shift.get(body, ORIGIN)), pose.quat)
+
+    def keep(self, place: str, tag: str, stated: Mapping[str, str], owner: str = "") -> None:
+        """Leave attributes to MJCF in alphabetical order, if there are any."""
+        if stated:
+            text = element_text(tag, dict(sorted(stated.items())))
+            self.mjcf_only.append(MjcfOnly(place, text, owner))
 
 
 def read_links(source: Compiled, base: Base | None) -> Links:
@@ -107,20 +112,16 @@ def read_links(source: Compiled, base: Base | None) -> Links:
     return links
 
 
-def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
+def _root(tops: list[Element], source: Compiled, base: Base | None) -> Links:
     """The root body of the source, or the world where bodies, a joint or a tendon hang on it."""
-    kinds = {str(top.get("name")): source.joint_kinds(str(top.get("name"))) for top in tops}
-    free = [top for top in tops if kinds[str(top.get("name"))] == [FREE]]
-    top, name = tops[0], str(tops[0].get("name"))
-    held = not free and (bool(kinds[name]) or is_held(source.root))
-    if len(tops) > 1 or held:
+    name = str(tops[0].get("name"))
+    if hangs(source.root, tops, source.classes):
         if base == "floating":
-            hint = "write `base: fixed`"
-            raise error_at(
-                top, "joints or tendons connect the robot to the world: it cannot float", hint
-            )
-        origin = {WORLD: (0.0, 0.0, 0.0)}
-        return Links(source, "fixed", WORLD, bodies=[Body(WORLD)], kept=[WORLD], shift=origin)
+            message = "joints or tendons connect the robot to the world: it cannot float"
+            raise error_at(tops[0], message, "write `base: fixed`")
+        bodies = [Body(WORLD)]
+        return Links(source, "fixed", WORLD, bodies, kept=[WORLD], shift={WORLD: ORIGIN})
+    free = source.joint_kinds(name) == [FREE]
     stated: Base = "floating" if free else "fixed"
     links = Links(source, base or stated, name, mount=source.pose_of("body", name))
     if free:
@@ -132,23 +133,22 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
     return links
 
 
-def _add_body(links: Links, element: _Element, parent: str) -> None:
+def _add_body(links: Links, element: Element, parent: str) -> None:
     name, model = str(element.get("name")), links.source.model
     if FREE in links.source.joint_kinds(name) and name != links.root:
         hint = "one recipe builds one robot; its root alone may float"
         raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
-    links.shift[name] = (0.0, 0.0, 0.0)
+    joints = links.source.joints_of(name) if name != links.root else ()
+    anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
+    links.shift[name] = anchors[-1] if anchors else ORIGIN
     if name != links.root:
-        joints = links.source.joints_of(name)
-        anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
-        links.shift[name] = anchors[-1] if anchors else (0.0, 0.0, 0.0)
         made = _joints_to(links, name, parent, joints, anchors)
         links.joints += made
         links.bodies += [Body(joint.child) for joint in made[:-1]]
     links.bodies.append(Body(name, _inertial(links, element, name)))
     if links.bodies[-1].inertial is not None:
         links.kept.append(name)
-    if links.shift[name] != (0.0, 0.0, 0.0):
+    if links.shift[name] != ORIGIN:
         _keep_origin(links, name)
 
 
@@ -159,9 +159,8 @@ def _joints_to(
     model = links.source.model
     X_parent_body = links.in_link(parent, links.source.pose_of("body", name))
     if not joints:
-        taken = {str(model.joint(i).name) for i in range(model.njnt)}
         fixed = f"{name}_fixed"
-        while fixed in taken:
+        while fixed in {str(model.joint(i).name) for i in range(model.njnt)}:
             fixed += "_"
         return [Joint(fixed, "fixed", parent, name, X_parent_body)]
     made, above, X = [], parent, X_parent_body @ Pose(anchors[0])
@@ -176,19 +175,18 @@ def _joints_to(
 
 
 def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
-    model, index = links.source.model, links.source.id_of("joint", name)
-    if int(model.jnt_type[index]) == BALL:  # what brakes it and holds it only MJCF can say
+    joint = links.source.entry("joint", name)
+    if int(joint.type[0]) == BALL:  # what brakes it and holds it only MJCF can say
         return Joint(name, "ball", parent, child, X)
-    slide, dof = int(model.jnt_type[index]) == SLIDE, int(model.jnt_dofadr[index])
-    ref = float(model.qpos0[int(model.jnt_qposadr[index])])
+    slide, ref = int(joint.type[0]) == SLIDE, float(joint.qpos0[0])
     if ref:
         links.rest[name] = ref
         shown = f"{ref:g} {'m' if slide else 'rad'}"
         message = f"its positions count from `ref` = {shown}: 0 here is {shown} in the source"
         hint = "subtract it from positions and commands of the source's controllers"
         links.findings.append(JOINT_REF(f"joint {name}", message, hint, data={"ref": ref}))
-    limited = bool(model.jnt_limited[index])
-    lower, upper = (float(v) - ref for v in model.jnt_range[index])
+    limited = bool(joint.limited[0])
+    lower, upper = (float(v) - ref for v in joint.range)
     kind: JointKind = "prismatic" if slide else "revolute" if limited else "continuous"
     return Joint(
         name=name,
@@ -196,14 +194,14 @@ def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
         parent=parent,
         child=child,
         X_parent_joint=X,
-        axis=vec3(model.jnt_axis[index]),
+        axis=vec3(joint.axis),
         limits=Limits(lower, upper) if limited else Limits(),
-        damping=float(model.dof_damping[dof]),
-        friction=float(model.dof_frictionloss[dof]),
+        damping=float(joint.damping[0]),
+        friction=float(joint.frictionloss[0]),
     )
 
 
-def _inertial(links: Links, element: _Element, name: str) -> Inertial | None:
+def _inertial(links: Links, element: Element, name: str) -> Inertial | None:
     model, index = links.source.model, links.source.id_of("body", name)
     mass = float(model.body_mass[index])
     if mass == 0.0 and not model.body_inertia[index].any():
@@ -215,7 +213,7 @@ def _inertial(links: Links, element: _Element, name: str) -> Inertial | None:
     return Inertial(mass, com, _as_stated(element, tensor))
 
 
-def _as_stated(body: _Element, compiled: Tensor) -> Tensor:
+def _as_stated(body: Element, compiled: Tensor) -> Tensor:
     """`fullinertia` by its own numbers: MuJoCo's diagonalisation of it is good to 3e-6 in 3.11.
 
     Only where both agree to that: a compiler option may have changed the tensor.
@@ -234,7 +232,7 @@ def _keep_origin(links: Links, name: str) -> None:
     shift = links.shift[name]
     origin = f"{name}_origin"
     links.bodies.append(Body(origin))
-    back = Pose(_minus((0.0, 0.0, 0.0), shift))
+    back = Pose(_minus(ORIGIN, shift))
     links.joints.append(Joint(f"{origin}_fixed", "fixed", name, origin, back))
     at = ", ".join(f"{v:g}" for v in shift)
     message = f"its joint stands at ({at}) m in the body: the link's frame moved there"
@@ -245,12 +243,10 @@ def _keep_origin(links: Links, name: str) -> None:
 def _add_sites(links: Links) -> None:
     taken = {body.name for body in links.bodies}
     on_bodies = [(owner, body) for owner, body in links.source.bodies if body in links.shift]
-    for site, body in [
-        (str(element.get("name")), body)
-        for owner, body in on_bodies
-        for element in parts(owner, "site")
+    for element, body in [
+        (site, body) for owner, body in on_bodies for site in parts(owner, "site")
     ]:
-        name = site
+        site = name = str(element.get("name"))
         while name in taken:
             name += "_site"
         taken.add(name)
@@ -289,46 +285,6 @@ def _touching_apart(links: Links) -> list[str]:
     return [name for name in touching if name not in links.kept]
 
 
-def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
-    """Length of a fixed tendon whose joints stand at their `ref`. rest: `ref` by joint."""
-    moved = [child for child in tendon.iterchildren("joint") if child.get("joint") in rest]
-    return sum(float(str(c.get("coef"))) * rest[str(c.get("joint"))] for c in moved)
-
-
-# --- small things ---------------------------------------------------------------------------
-
-
 def _minus(a: Vec3, b: Vec3) -> Vec3:
     """Negative zeros become zero; subtracting zeros changes no bit."""
     return vec3([x - y for x, y in zip(a, b, strict=True)])
-
-
-def coupling_of(
-    tag: str, model: Model, index: int, attributes: Mapping[str, str]
-) -> tuple[str, Mimic] | None:
-    """(follower, mimic) of an equality; None of one that is no mimic.
-
-    q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts.
-    """
-    if tag == "tendon" and (coupling := tendon_coupling(model, index)):
-        follower, leader = (str(model.joint(joint).name) for joint in coupling[:2])
-        return follower, Mimic(leader, *coupling[2:])
-    c = [float(v) for v in model.eq_data[index][:5]]
-    leader = attributes.get("joint2", "")
-    if tag != "joint" or not leader or any(c[2:]) or c[1] == 0.0 or not model.eq_active0[index]:
-        return None
-    return attributes.get("joint1", ""), Mimic(leader, c[1], c[0])
-
-
-def coupled(joints: Sequence[Joint], follower: str, mimic: Mimic) -> list[Joint] | None:
-    """The joints with that mimic; None where it follows already, and of a circle."""
-    by_name = {joint.name: joint for joint in joints}
-    if not {follower, mimic.joint} <= by_name.keys() or by_name[follower].mimic:
-        return None
-    name = mimic.joint
-    while (above := by_name[name].mimic) is not None:
-        name = above.joint
-        if name == follower:
-            return None
-    by_name[follower] = replace(by_name[follower], mimic=mimic)
-    return list(by_name.values())

@@ -7,11 +7,6 @@ from collections.abc import Iterable, Mapping
 from assetbuild.robot.pose import Pose
 
 
-def attributes_of(tag: str, attributes: Mapping[str, str]) -> str:
-    """An element without children, attributes in alphabetical order."""
-    return element_text(tag, dict(sorted(attributes.items())))
-
-
 def body_element(tag: str, name: str, pose: Pose, attributes: Mapping[str, str]) -> str:
     """A named element at a place in a body."""
     placed = {"name": name, "pos": words(pose.xyz), "quat": words(pose.quat)}

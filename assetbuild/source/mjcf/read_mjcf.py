@@ -7,26 +7,23 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import SourceControl
-from assetbuild.robot.model import Base, Camera, Contact, Control, MjcfOnly, Tree
+from assetbuild.robot.model import Base, Camera, Contact, MjcfOnly, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.mjcf.compiled import compile_source, pose_at
 from assetbuild.source.mjcf.drives import Drives, read_drives
-from assetbuild.source.mjcf.links import BALL, Links, read_links
-from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
-from assetbuild.source.mjcf.sections import ORDER, Sections, read_sections
+from assetbuild.source.mjcf.links import BALL, FREE, Links, read_links
+from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
+from assetbuild.source.mjcf.sections import ORDER, read_sections
 from assetbuild.source.mjcf.shapes import read_geoms
-from assetbuild.source.mjcf.text import AT, WORLD, error_at, parts
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.source.mjcf.text import AT, WORLD, Element, error_at, parts
 
 SOURCE_WARNING = Rule(
     "mjcf.source_warning", "warning", "MuJoCo warns about the source", "read the warning"
@@ -57,27 +54,21 @@ class ReadMjcf(Step):
         meshes = {path: (files.inputs / "files" / path).read_bytes() for path in paths}
         compiled = compile_source(root, meshes)
         links = read_links(compiled, self.base)
+        cameras = tuple(read_details(links))
         geoms = read_geoms(links)
         drives = read_drives(links)
-        sections = read_sections(links, drives)
-        links.joints = sections.joints
-        cameras, details = read_details(links)
         surfaces = list(geoms.contacts.values())
-        control = Control(
+        control = replace(
+            read_sections(links, drives),
             actuators=tuple(drives.actuators),
-            keyframes=tuple(sections.keyframes),
-            excludes=tuple(sorted(set(sections.excludes))),
             # The surface that most collision shapes have; the first of equals.
             contact=max(surfaces, key=surfaces.count, default=Contact()),
             contacts=tuple(geoms.contacts.items()),
-            simulation=sections.simulation,
-            sensors=tuple(sections.sensors),
-            cameras=tuple(cameras),
-            loops=tuple(sections.loops),
-            mjcf_only=(*details, *geoms.mjcf_only, *sections.mjcf_only, *drives.mjcf_only),
+            cameras=cameras,
+            mjcf_only=(*links.mjcf_only, *drives.mjcf_only),
         )
         shapes = SourceShapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
-        source = SourceControl(control, tuple(links.kept), _commands(sections, drives, links))
+        source = SourceControl(control, tuple(links.kept), _commands(drives, links))
         name = root.get("model") or "robot"
         (files.outputs / "links.json").write_bytes(encode(_tree(name, links, drives)))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
@@ -85,11 +76,11 @@ class ReadMjcf(Step):
         for text in compiled.warnings:
             message = f"MuJoCo warns about the source: {text}"
             yield SOURCE_WARNING("robot", message, "repair it in the source")
-        yield from [*links.findings, *geoms.findings, *drives.findings, *sections.findings]
-        yield from _order(sections, drives)
+        yield from links.findings
+        yield from _order(links, drives)
 
 
-def _source(folder: Path) -> _Element:
+def _source(folder: Path) -> Element:
     """`source.xml`, each element with the place where it stood."""
     from lxml import etree
 
@@ -116,29 +107,32 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
 
 
 def _commands(
-    sections: Sections, drives: Drives, links: Links
+    drives: Drives, links: Links
 ) -> tuple[tuple[str, tuple[tuple[str, float], ...]], ...]:
     """Return each keyframe's commands by actuator; position drives count from the joint's `ref`.
 
     Under "" those of a keyframe that the source does not have.
     """
-    by_joint = {actuator.joint: actuator for actuator in drives.actuators}
+    by_joint, model = {row.joint: row for row in drives.actuators}, links.source.model
     rest = {
         name: links.rest.get(joint, 0.0) * by_joint[joint].gear
         for name, joint in drives.names
         if joint and by_joint[joint].model == "pd"
     }
-    stated = tuple(
-        (key, tuple((name, value - rest.get(name, 0.0)) for name, value in values))
-        for key, values in sections.ctrl
-    )
+    stated = []
+    for key in links.source.root.iterfind("keyframe/key"):
+        if key.get("ctrl"):
+            name = str(key.get("name"))
+            ctrl = enumerate(model.key_ctrl[links.source.id_of("key", name)])
+            named = ((str(model.actuator(i).name), float(value)) for i, value in ctrl)
+            stated.append((name, tuple((a, value - rest.get(a, 0.0)) for a, value in named)))
     moved = any(value for _, value in drives.resting)
-    return (*stated, ("", tuple(drives.resting))) if moved else stated
+    return (*stated, ("", tuple(drives.resting))) if moved else tuple(stated)
 
 
-def _order(sections: Sections, drives: Drives) -> Iterator[Finding]:
+def _order(links: Links, drives: Drives) -> Iterator[Finding]:
     """The MJCF that we write has its drives in the order of the joints, the others after them."""
-    order = {joint.name: number for number, joint in enumerate(sections.joints)}
+    order = {joint.name: number for number, joint in enumerate(links.joints)}
     places = [order.get(joint, len(order)) for _, joint in drives.names]
     if places != sorted(places):
         names = ", ".join(name for name, _ in drives.names[:6])
@@ -161,54 +155,50 @@ CAMERA_MODES = ("fixed", "track", "trackcom", "targetbody", "targetbodycom")
 _LENS = ("focal", "focalpixel", "sensorsize")
 
 
-def read_details(links: Links) -> tuple[list[Camera], list[MjcfOnly]]:
-    """The cameras as the Robot has them, and the rest; in the order of the bodies."""
-    attributes = links.source.classes.attributes
-    cameras, mjcf_only = list[Camera](), [*_root(links)]
+def read_details(links: Links) -> Iterator[Camera]:
+    """Yield the cameras as the Robot has them; leave the rest to MJCF, in the order of bodies."""
+    _keep_root(links)
     for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
             continue
-        if name != WORLD and (more := leftover(attributes(body), BODY)):
-            mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
+        if name != WORLD:
+            links.keep("body", "body", leftover(links.source.classes.attributes(body), BODY), name)
         for joint in parts(body, "joint"):
-            mjcf_only += _joint(links, str(joint.get("name")), attributes(joint))
+            links.keep("joint", "joint", _joint(links, joint), str(joint.get("name")))
         for site in parts(body, "site"):
-            mjcf_only += _site(links, site)
+            _keep_site(links, site)
         for camera in parts(body, "camera"):
-            mjcf_only += _camera(links, camera, name, cameras)
+            yield _camera(links, camera, name)
         for light in parts(body, "light"):
-            mjcf_only.append(_light(links, str(light.get("name")), attributes(light), name))
-    return cameras, mjcf_only
+            _keep_light(links, light, name)
 
 
-def _root(links: Links) -> Iterator[MjcfOnly]:
-    """Where a floating root starts without keyframes; its free joint's name, and its brakes."""
+def _keep_root(links: Links) -> None:
+    """Keep where a floating root starts, its free joint's name, and its brakes."""
     posed = links.source.root.find("keyframe/key") is not None  # else a pose may say its height
     if links.base == "floating" and (posed or links.mount != IDENTITY):
         place = {"pos": words(links.mount.xyz)}
         if links.mount.quat != IDENTITY.quat:
             place["quat"] = words(links.mount.quat)
-        yield MjcfOnly("root", attributes_of("body", place), links.root)
+        links.keep("root", "body", place, links.root)
     if links.free_joint and links.base == "floating":
-        model = links.source.model
-        first = int(model.jnt_dofadr[links.source.id_of("joint", links.free_joint)])
+        joint = links.source.entry("joint", links.free_joint)
         brakes = {
-            key: words((float(value),))
+            key: words((value,))
             for key in ("damping", "armature", "frictionloss")
-            if (value := getattr(model, f"dof_{key}")[first])
+            if (value := float(getattr(joint, key)[0]))
         }
-        attributes = {"name": links.free_joint, **brakes}
-        yield MjcfOnly("freejoint", attributes_of("freejoint", attributes))
+        links.keep("freejoint", "freejoint", {"name": links.free_joint, **brakes})
 
 
-def _joint(links: Links, name: str, attributes: Mapping[str, str]) -> Iterator[MjcfOnly]:
-    model, index = links.source.model, links.source.id_of("joint", name)
-    if attributes.get("type") == "free" or int(model.jnt_type[index]) == 0:
-        return
-    if int(model.jnt_type[index]) == BALL:
-        if more := _ball(links, index, attributes):
-            yield MjcfOnly("joint", attributes_of("joint", more), name)
-        return
+def _joint(links: Links, element: Element) -> dict[str, str]:
+    """Return what a joint says that the Robot does not hold."""
+    name, attributes = str(element.get("name")), links.source.classes.attributes(element)
+    joint = links.source.entry("joint", name)
+    if int(joint.type[0]) == FREE:
+        return {}
+    if int(joint.type[0]) == BALL:
+        return _ball(joint, attributes)
     more = leftover(attributes, JOINT)
     for key in ("damping", "frictionloss"):
         if len(more.get(key, "0").split()) == 1:  # more numbers are a polynomial
@@ -216,38 +206,29 @@ def _joint(links: Links, name: str, attributes: Mapping[str, str]) -> Iterator[M
     if len(more.get("stiffness", "0").split()) == 1:
         more.pop("stiffness", None)
         more.pop("springref", None)
-        stiffness = float(model.jnt_stiffness[index])
-        if stiffness:
-            rest = float(model.qpos_spring[int(model.jnt_qposadr[index])])
-            rest -= links.rest.get(name, 0.0)
+        if stiffness := float(joint.stiffness[0]):
+            rest = float(joint.qpos_spring[0]) - links.rest.get(name, 0.0)
             more |= {"stiffness": words((stiffness,))}
             more |= {"springref": words((rest,))} if rest else {}
-    if more:
-        yield MjcfOnly("joint", attributes_of("joint", more), name)
+    return more
 
 
-def _ball(links: Links, index: int, attributes: Mapping[str, str]) -> dict[str, str]:
+def _ball(joint: Any, attributes: Mapping[str, str]) -> dict[str, str]:  # Any: of the model
     """As compiled, but for polynomials, which stand as they are."""
-    model, dof = links.source.model, int(links.source.model.jnt_dofadr[index])
     more = leftover(attributes, JOINT | {"springref"})
-    for key, value in (
-        ("damping", model.dof_damping[dof]),
-        ("frictionloss", model.dof_frictionloss[dof]),
-        ("armature", model.dof_armature[dof]),
-        ("stiffness", model.jnt_stiffness[index]),
-    ):
+    for key in ("damping", "frictionloss", "armature", "stiffness"):
         if len(more.get(key, "").split()) <= 1:
-            more |= {key: words((float(value),))}
+            more |= {key: words((float(getattr(joint, key)[0]),))}
         if not any(float(number) for number in more[key].split()):
             del more[key]
-    if model.jnt_limited[index]:
-        more["range"] = words(model.jnt_range[index])
+    if joint.limited[0]:
+        more["range"] = words(joint.range)
     elif attributes.get("limited") == "false":
         more["limited"] = "false"
     return more
 
 
-def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
+def _keep_site(links: Links, element: Element) -> None:
     site, attributes = str(element.get("name")), links.source.classes.attributes(element)
     if site not in links.sites:
         return
@@ -260,12 +241,11 @@ def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
     if "size" in attributes or "fromto" in attributes:
         more["size"] = words(compiled.size)
     more.setdefault("group", "0")
-    yield MjcfOnly("frame", attributes_of("site", more), links.sites[site])
+    links.keep("frame", "site", more, links.sites[site])
 
 
-def _camera(
-    links: Links, element: _Element, body: str, cameras: list[Camera]
-) -> Iterator[MjcfOnly]:
+def _camera(links: Links, element: Element, body: str) -> Camera:
+    """Return the camera as the Robot has it, and keep what else it says."""
     name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("camera", name)
     mode = CAMERA_MODES[int(model.cam_mode[index])]
@@ -280,19 +260,15 @@ def _camera(
     if "resolution" not in attributes:
         more["resolution"] = ""
     size = (width, height) if "resolution" in attributes else Camera("", None, IDENTITY).resolution
-    at = body if body in links.shift else None
-    pose = links.in_link(body, pose) if at else pose
-    fovy = math.radians(float(model.cam_fovy[index]))
-    cameras.append(Camera(name, at, pose, fovy, size, mode))
-    if more:
-        yield MjcfOnly("camera", attributes_of("camera", more), name)
+    links.keep("camera", "camera", more, name)
+    at, fovy = body if body in links.shift else None, math.radians(float(model.cam_fovy[index]))
+    return Camera(name, at, links.in_link(body, pose), fovy, size, mode)
 
 
-def _light(links: Links, name: str, attributes: Mapping[str, str], body: str) -> MjcfOnly:
+def _keep_light(links: Links, element: Element, body: str) -> None:
+    name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("light", name)
-    pose = pose_at(model.light_pos[index], IDENTITY.quat)
-    owner = body if body in links.shift else ""
-    pose = links.in_link(body, pose) if owner else pose
+    pose = links.in_link(body, pose_at(model.light_pos[index], IDENTITY.quat))
     more = leftover(attributes, LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}
     text = body_element("light", name, pose, more).replace(f' quat="{words(IDENTITY.quat)}"', "")
-    return MjcfOnly("body", text, owner)
+    links.mjcf_only.append(MjcfOnly("body", text, body if body in links.shift else ""))

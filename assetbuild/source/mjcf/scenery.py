@@ -8,12 +8,12 @@ in the world floats, only one can be the robot: the one that actuators move. The
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.source.mjcf.text import (
     Classes,
+    Element,
     bodies,
     dropped,
     error_at,
@@ -25,9 +25,6 @@ from assetbuild.source.mjcf.text import (
     where_of,
     world_of,
 )
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 SCENERY = Rule(
     "mjcf.scenery",
@@ -66,33 +63,32 @@ _Names = set[_Name]
 class SeveralRobotsError(SourceError):
     """The file holds several robots. names: of their bodies in the world, in file order."""
 
-    def __init__(self, at: _Element, message: str, names: tuple[str, ...]) -> None:
+    def __init__(self, at: Element, message: str, names: tuple[str, ...]) -> None:
         hint = f"choose one in the recipe, `source: {{body: ...}}`: {', '.join(names[:8])}"
         super().__init__(message, where=where_of(at), hint=hint)
         self.names = names
 
 
-def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
+def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
     """Leave one robot in a world whose elements all have names. chosen: its body, by name.
 
     Raises SeveralRobotsError where the source does not tell which body is the robot.
     """
-    world = world_of(root)
+    world, classes = world_of(root), Classes(root)
     tops = {str(top.get("name")): top for top in parts(world, "body")}
-    kept = _robot(root, world, tops, chosen)
+    kept = _robot(root, tops, chosen, classes)
     gone = [top for name, top in tops.items() if name not in kept]
     lost = set[_Name]().union(*map(_inside, gone))
-    if not _hangs(root, [tops[name] for name in kept]):
+    if not hangs(root, [tops[name] for name in kept], classes):
         lost |= set(_objects(world, "site", "geom"))
     for compiler in root.iterchildren("compiler") if gone else ():
         if float(compiler.get("settotalmass", "-1")) > 0.0:
             hint = "give the file of the robot alone, or state the masses"
             raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
-    classes = Classes(root)
     grounds = [g for g in parts(world, "geom") if classes.attributes(g).get("type") in GROUNDS]
     floors = {str(ground.get("name")) for ground in grounds}
-    standing: dict[str, _Element] = {}
-    for element, missing in _cut(root, gone, lost):
+    standing: dict[str, Element] = {}
+    for element, missing in _cut(root, gone, lost, classes):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
         what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
         severity: Severity = "warning"
@@ -100,7 +96,7 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
             standing, severity = standing | dict.fromkeys(ends, element), "info"
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
         yield dropped(str(element.tag), "robot", message, severity=severity)
-    yield from _on_any_floor(standing, root)
+    yield from _on_any_floor(standing, root, classes)
     for top in gone:
         mocap = top.get("mocap") == "true"
         yield SCENERY(
@@ -112,13 +108,15 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
         )
 
 
-def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Finding]:
+def _on_any_floor(
+    pairs: Mapping[str, Element], root: Element, classes: Classes
+) -> Iterator[Finding]:
     """Let the geoms whose masks let them touch nothing touch floors, as their pair did.
 
     pairs: with the floor, by the geom's name. `conaffinity` alone meets a floor's `contype`, and no
     other geom of that kind; `priority` makes the numbers of the pair count.
     """
-    classes, names = Classes(root), []
+    names = []
     for geom in of_bodies(root, "geom"):
         masks = [classes.attributes(geom).get(mask, "1") for mask in ("contype", "conaffinity")]
         pair = pairs.get(str(geom.get("name")))
@@ -142,36 +140,38 @@ def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Fin
         )
 
 
-def is_held(root: _Element) -> bool:
+def _is_held(root: Element) -> bool:
     """Whether a tendon, actuator or equality ties the robot to a site or geom of the world."""
     of_world = set(_objects(world_of(root), "site", "geom"))
     elements = (e for section in ("tendon", "actuator", "equality") for e in _of(root, section))
     return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
 
 
-def _hangs(root: _Element, robot: list[_Element]) -> bool:
-    """Whether joints, tendons or several bodies make the world the root, see `read_links`."""
-    classes = Classes(root)
+def hangs(root: Element, robot: list[Element], classes: Classes) -> bool:
+    """Return whether joints, tendons or several bodies make the world the robot's root."""
     on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
-    return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or is_held(root)))
+    return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or _is_held(root)))
 
 
 def _robot(
-    root: _Element, world: _Element, tops: Mapping[str, _Element], chosen: str | None
+    root: Element, tops: Mapping[str, Element], chosen: str | None, classes: Classes
 ) -> tuple[str, ...]:
     """Names of the bodies in the world that are the robot."""
     if chosen is not None:
         if chosen not in tops:
             hint = did_you_mean(chosen, list(tops))
-            raise error_at(world, f"`source.body`: no body `{chosen}` in the world", hint)
+            raise error_at(world_of(root), f"`source.body`: no body `{chosen}` in the world", hint)
         return (chosen,)
     solid = {name: top for name, top in tops.items() if top.get("mocap") != "true"}
-    joints = {name: _joints(top, Classes(root)) for name, top in solid.items()}
+    joints = {
+        name: {_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)}
+        for name, top in solid.items()
+    }
     floating = [name for name, kinds in joints.items() if "free" in kinds]
     if len(solid) < 2 or not floating:
         return tuple(solid)
     driven = _driven(root, solid)
-    moving = tuple(name for name, kinds in joints.items() if set(kinds) - {"free"})
+    moving = tuple(name for name, kinds in joints.items() if kinds - {"free"})
     robots = driven or moving
     if len(robots) == 1 or (robots and not set(robots) & set(floating)):
         return robots
@@ -181,16 +181,11 @@ def _robot(
     raise SeveralRobotsError(solid[names[-1]], message, names)
 
 
-def _joints(top: _Element, classes: Classes) -> list[str]:
-    """Kinds of all joints on a body and below it."""
-    return [_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)]
-
-
-def _kind(joint: _Element, classes: Classes) -> str:
+def _kind(joint: Element, classes: Classes) -> str:
     return "free" if joint.tag == "freejoint" else classes.attributes(joint).get("type", "hinge")
 
 
-def _driven(root: _Element, tops: Mapping[str, _Element]) -> tuple[str, ...]:
+def _driven(root: Element, tops: Mapping[str, Element]) -> tuple[str, ...]:
     """Those that an actuator acts on, if only through a tendon."""
     tendons = {str(t.get("name")): {n for c in t for n in _named(c)} for t in _of(root, "tendon")}
     pulled: _Names = set()
@@ -200,27 +195,27 @@ def _driven(root: _Element, tops: Mapping[str, _Element]) -> tuple[str, ...]:
     return tuple(name for name, top in tops.items() if pulled & _inside(top))
 
 
-def _whole(top: _Element) -> list[_Element]:
+def _whole(top: Element) -> list[Element]:
     return [top, *(body for body, _ in bodies(top))]
 
 
-def _inside(top: _Element) -> _Names:
+def _inside(top: Element) -> _Names:
     """(kind, name) of a body and of all on it and below it."""
     names = {("body", str(body.get("name"))) for body in _whole(top)}
     return names.union(*(_objects(body, *OBJECTS) for body in _whole(top)))
 
 
-def _objects(body: _Element, *tags: str) -> Iterator[_Name]:
+def _objects(body: Element, *tags: str) -> Iterator[_Name]:
     """(kind, name) of what stands on a body."""
     for one in parts(body, *tags):
         yield "joint" if one.tag == "freejoint" else str(one.tag), str(one.get("name"))
 
 
-def _of(root: _Element, section: str) -> list[_Element]:
+def _of(root: Element, section: str) -> list[Element]:
     return list(root.iterfind(f"{section}/*"))
 
 
-def _named(element: _Element) -> Iterator[tuple[str, str]]:
+def _named(element: Element) -> Iterator[tuple[str, str]]:
     """(kind, name) of all that an element names."""
     stated = own_attributes(element)
     yield from ((kind, name) for key, name in stated.items() if (kind := kind_of(key, stated)))
@@ -236,10 +231,11 @@ def kind_of(key: str, stated: Mapping[str, str]) -> str:
 # --- cutting --------------------------------------------------------------------------------
 
 
-def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tuple[_Element, str]]:
+def _cut(
+    root: Element, gone: Iterable[Element], lost: _Names, classes: Classes
+) -> Iterator[tuple[Element, str]]:
     """Yield each element that refers to what is lost, with the name of that."""
-    widths = _widths(root)
-    commands = [str(actuator.get("name")) for actuator in _of(root, "actuator")]
+    owners = _owners(root, classes)
     for top in gone:
         remove(top)
     for section in SECTIONS:
@@ -254,39 +250,29 @@ def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tup
             remove(watching)
             yield watching, str(watching.get("target"))
     for key in root.iterfind("keyframe/key"):
-        _slice(key, widths, commands, lost)
+        _slice(key, owners, lost)
 
 
-def _widths(root: _Element) -> list[tuple[str, int, int]]:
-    """(name, numbers in qpos, numbers in qvel) of all joints, in MuJoCo's order."""
-    classes = Classes(root)
-    return [
-        (str(one.get("name")), *WIDTHS.get(_kind(one, classes), (1, 1)))
-        for body, _ in named_bodies(root)
-        for one in parts(body, *JOINTS)
-    ]
+def _owners(root: Element, classes: Classes) -> dict[str, list[_Name]]:
+    """Return whose the numbers of a keyframe are, by attribute, in MuJoCo's order."""
+    actuators = [("actuator", str(actuator.get("name"))) for actuator in _of(root, "actuator")]
+    owners: dict[str, list[_Name]] = {"qpos": [], "qvel": [], "ctrl": actuators}
+    for one in [one for body, _ in named_bodies(root) for one in parts(body, *JOINTS)]:
+        widths = WIDTHS.get(_kind(one, classes), (1, 1))
+        for word, width in zip(("qpos", "qvel"), widths, strict=True):
+            owners[word] += [("joint", str(one.get("name")))] * width
+    return owners
 
 
-def _slice(
-    key: _Element, joints: list[tuple[str, int, int]], commands: list[str], lost: _Names
-) -> None:
+def _slice(key: Element, owners: Mapping[str, list[_Name]], lost: _Names) -> None:
     """Keep the numbers of a keyframe that belong to what stays; MuJoCo refuses a wrong count."""
-    rows = {
-        "qpos": [(("joint", name), width) for name, width, _ in joints],
-        "qvel": [(("joint", name), width) for name, _, width in joints],
-        "ctrl": [(("actuator", name), 1) for name in commands],
-    }
-    for word, row in rows.items():
+    for word, row in owners.items():
         numbers = key.get(word, "").split()
-        if len(numbers) != sum(width for _, width in row):
-            continue
-        kept, at = [], 0
-        for one, width in row:
-            kept += numbers[at : at + width] if one not in lost else []
-            at += width
-        key.set(word, " ".join(kept))
-        if not kept:
-            key.attrib.pop(word)
+        if len(numbers) == len(row):
+            kept = [n for n, owner in zip(numbers, row, strict=True) if owner not in lost]
+            key.set(word, " ".join(kept))
+            if not kept:
+                key.attrib.pop(word)
     if any(kind == "actuator" for kind, _ in lost):
         key.attrib.pop("act", "")  # as many numbers as states; a keyframe of a robot has none
     for word in ("mpos", "mquat"):

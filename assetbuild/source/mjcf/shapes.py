@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain, count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.errors import quoted
+from assetbuild.findings import Rule, Severity
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.robot.shapes import (
@@ -21,14 +22,11 @@ from assetbuild.robot.shapes import (
     SourceShape,
     Sphere,
 )
-from assetbuild.source.mjcf.compiled import Model, pose_at
+from assetbuild.simulators.mujoco import Model
+from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.links import Links
-from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
-from assetbuild.source.mjcf.text import WORLD, dropped, error_at, parts, where_of
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
+from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
+from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, parts, where_of
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
@@ -64,14 +62,21 @@ def read_geoms(links: Links) -> Geoms:
                 severity: Severity = "info" if kind == "plane" else "warning"
                 subject = f"shape {geom.get('name')}"
                 lost = dropped("geom of worldbody", subject, what, hint, severity)
-                geoms.findings.append(lost)
+                links.findings.append(lost)
     worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
     geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
-    geoms.mjcf_only = [i for i in geoms.mjcf_only if i.place != "material" or i.owner in worn]
+    links.mjcf_only = [i for i in links.mjcf_only if i.place != "material" or i.owner in worn]
     visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in geoms.drawn]
     if visible:
-        seen = any(shape.role == "visual" for shape in geoms.shapes)
-        geoms.findings.append(_drawn(visible, alone=not seen))
+        message = f"{len(visible)} geoms collide and are drawn: {quoted(visible, 6)}; in URDF and "
+        message += "USD they only collide"
+        alone = all(shape.role != "visual" for shape in geoms.shapes)
+        message += ", so viewers of these show nothing of the robot" if alone else ""
+        severity = "warning" if alone else "info"
+        finding = VISIBLE_COLLISION(
+            "robot", message, severity=severity, data={"geoms": len(visible)}
+        )
+        links.findings.append(finding)
     return geoms
 
 
@@ -85,8 +90,6 @@ class Geoms:
         self.shapes: list[SourceShape] = []
         self.materials: dict[str, Material] = {}
         self.contacts: dict[str, Contact] = {}
-        self.mjcf_only: list[MjcfOnly] = []
-        self.findings: list[Finding] = []
         self.links, self.source, root = links, links.source, links.source.root
         self.model, self.classes = links.source.model, links.source.classes
         self.looks = {m.get("name"): m for m in root.iterfind("asset/material")}
@@ -94,7 +97,7 @@ class Geoms:
         self.meshes = {m.get("name"): m for m in root.iterfind("asset/mesh")}
         self.drawn: set[str] = set()
 
-    def read(self, geom: _Element, body: str) -> None:
+    def read(self, geom: Element, body: str) -> None:
         """Take one over, from a body of the robot."""
         name, attributes = str(geom.get("name")), self.classes.attributes(geom)
         if attributes.get("type") == "hfield":
@@ -102,7 +105,7 @@ class Geoms:
             what += "no format of a robot has terrain"
             hint = "the floor of `scene.xml` is flat: add the terrain to your own scene"
             lost = dropped("geom of type hfield", f"shape {name}", what, hint, "warning")
-            self.findings.append(lost)
+            self.links.findings.append(lost)
             return
         index = self.source.id_of("geom", name)
         touches = bool(self.model.geom_contype[index] or self.model.geom_conaffinity[index])
@@ -126,18 +129,14 @@ class Geoms:
             self.contacts[name] = contact_of(self.model, index)
             if int(attributes.get("group", "0")) < 3:
                 self.drawn.add(name)
-        self._left_over(name, attributes, role, index)
-
-    def _left_over(self, name: str, attributes: dict[str, str], role: str, index: int) -> None:
         more = leftover(attributes, SAID)
         if attributes.get("group", "0") != GROUPS[role]:
             more["group"] = attributes.get("group", "0")
         if role == "collision" and ("rgba" in attributes or "material" in attributes):
             more["rgba"] = words(self._colour(index))
-        if more:
-            self.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
+        self.links.keep("shape", "geom", more, name)
 
-    def _only_mjcf(self, geom: _Element, attributes: dict[str, str], body: str, index: int) -> None:
+    def _only_mjcf(self, geom: Element, attributes: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
         kind = attributes.get("type", "sphere")
         if kind == "sdf":
@@ -149,11 +148,11 @@ class Geoms:
             kept["rgba"] = words(self._colour(index))
         size = words(self.model.geom_size[index])
         element = body_element("geom", str(geom.get("name")), pose, {**kept, "size": size})
-        self.mjcf_only.append(MjcfOnly("body", element, body))
+        self.links.mjcf_only.append(MjcfOnly("body", element, body))
 
     # --- meshes and looks ---------------------------------------------------------------------
 
-    def _mesh(self, geom: _Element, name: str) -> tuple[MeshFile, Pose]:
+    def _mesh(self, geom: Element, name: str) -> tuple[MeshFile, Pose]:
         """The mesh file with a scale, and where it stands in the geom.
 
         MuJoCo: vertex = S Rᵀ (v - p) with `scale`, `refquat`, `refpos`. With one scale s for all
@@ -176,8 +175,8 @@ class Geoms:
             message += f"left out ({where_of(element)})"
             hint = "our meshes are converted: their normals and hulls are made anew"
             finding = dropped("mesh", f"mesh {element.get('file')}", message, hint, attributes=lost)
-            if finding not in self.findings:
-                self.findings.append(finding)
+            if finding not in self.links.findings:
+                self.links.findings.append(finding)
         return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
@@ -196,24 +195,21 @@ class Geoms:
         if look is not None and known.rgba == colour:
             return known.name
         base = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
-        for name in chain((base,), (f"{base}_{n}" for n in count(2))):
-            existing = self.materials.get(name)
-            if existing is None or existing == replace(known, name=name, rgba=colour):
-                break
-        if existing is None:
-            self.materials[name] = replace(known, name=name, rgba=colour)
-            stated = [i for i in self.mjcf_only if (i.place, i.owner) == ("material", known.name)]
-            self.mjcf_only += [replace(item, owner=name) for item in stated]
-        return name
+        names = chain((base,), (f"{base}_{n}" for n in count(2)))
+        looks = (replace(known, name=name, rgba=colour) for name in names)
+        worn = next(o for o in looks if self.materials.get(o.name) in (None, o))
+        if worn.name not in self.materials:
+            self.materials[worn.name] = worn
+            stated = ("material", known.name)
+            same = [i for i in self.links.mjcf_only if (i.place, i.owner) == stated]
+            self.links.mjcf_only += [replace(item, owner=worn.name) for item in same]
+        return worn.name
 
-    def _look(self, look: _Element, name: str) -> Material:
+    def _look(self, look: Element, name: str) -> Material:
         if name in self.materials:
             return self.materials[name]
         attributes = self.classes.attributes(look)
-        more = leftover(attributes, keys("rgba texture"))
-        if more:
-            only = MjcfOnly("material", attributes_of("material", more), name)
-            self.mjcf_only.append(only)
+        self.links.keep("material", "material", leftover(attributes, keys("rgba texture")), name)
         picture = self.pictures.get(attributes.get("texture", ""))
         layers = look.find("layer")
         file = picture.get("file") if picture is not None else None
@@ -221,7 +217,7 @@ class Geoms:
             message = f"the made or layered picture of material `{name}` was left out; its colour "
             message += "stays"
             hint = "give the material a `texture` with a PNG file"
-            self.findings.append(dropped("texture", f"material {name}", message, hint))
+            self.links.findings.append(dropped("texture", f"material {name}", message, hint))
         material = Material(name, _rgba(self.model.material(name).rgba), file)
         self.materials[name] = material
         return material
@@ -270,15 +266,3 @@ def _numbers(
     attributes: Mapping[str, str], key: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
     return tuple(float(word) for word in attributes[key].split()) if key in attributes else default
-
-
-def _drawn(names: list[str], *, alone: bool) -> Finding:
-    """alone: the robot has no visual shape at all, so URDF and USD show nothing."""
-    shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
-    return VISIBLE_COLLISION(
-        "robot",
-        f"{len(names)} geoms collide and are drawn: {shown}; in URDF and USD they only collide"
-        + (", so viewers of these show nothing of the robot" if alone else ""),
-        severity="warning" if alone else "info",
-        data={"geoms": len(names)},
-    )

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import BODY, Path
 from assetbuild.findings import Finding, Rule, Severity
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
+from assetbuild.xml_text import Element as Element
 
 AT = "_at"
 """Attribute that carries `file:line` of an element while it is worked on."""
@@ -44,30 +42,42 @@ def dropped(
     )
 
 
-def where_of(element: _Element) -> Where:
+def where_of(element: Element) -> Where:
     """File and line of an element."""
     file, _, line = element.get(AT, "").rpartition(":")
     return Where(file, int(line or 0))
 
 
-def error_at(element: _Element, message: str, hint: str = "") -> SourceError:
+def error_at(element: Element, message: str, hint: str = "") -> SourceError:
     """An error about an element, ready to be raised."""
     return SourceError(message, where=where_of(element), hint=hint)
 
 
-def own_attributes(element: _Element) -> dict[str, str]:
+def own_attributes(element: Element) -> dict[str, str]:
     """What an element itself says, its name and class among it."""
     return {str(key): str(value) for key, value in element.attrib.items() if key != AT}
 
 
-def remove(element: _Element) -> None:
+def plain_text(root: Element, *, indented: bool = False) -> str:
+    """Return the XML without the places of its elements."""
+    from lxml import etree
+
+    bare = copy.deepcopy(root)
+    for element in bare.iter("*"):
+        element.attrib.pop(AT, "")
+    if indented:
+        etree.indent(bare)
+    return etree.tostring(bare, encoding="unicode")
+
+
+def remove(element: Element) -> None:
     """Take an element out of its text."""
     parent = element.getparent()
     if parent is not None:
         parent.remove(element)
 
 
-def path_of(element: _Element) -> Path:
+def path_of(element: Element) -> Path:
     """Where an element stands, as MuJoCo's schema says it: a <joint> of a tendon is no joint.
 
     All bodies, frames and copies are one place, and so are all classes.
@@ -77,12 +87,12 @@ def path_of(element: _Element) -> Path:
     return tuple(place for place, _ in groupby(places))
 
 
-def of_bodies(root: _Element, *tags: str) -> list[_Element]:
+def of_bodies(root: Element, *tags: str) -> list[Element]:
     """The elements that stand in bodies, in document order; none of classes, tendons, sensors."""
     return [one for one in root.iter(*tags) if path_of(one)[1:] == (BODY, one.tag)]
 
 
-def parts(body: _Element, *tags: str) -> Iterator[_Element]:
+def parts(body: Element, *tags: str) -> Iterator[Element]:
     """A body's own elements of these kinds, in file order; those in `<frame>`s too."""
     waiting = list(body.iterchildren("*"))[::-1]
     while waiting:
@@ -93,7 +103,7 @@ def parts(body: _Element, *tags: str) -> Iterator[_Element]:
             waiting += list(element.iterchildren("*"))[::-1]
 
 
-def bodies(world: _Element) -> Iterator[tuple[_Element, str]]:
+def bodies(world: Element) -> Iterator[tuple[Element, str]]:
     """(body, name of its parent body or `WORLD`) of all bodies, depth first in file order."""
     waiting = [(child, WORLD) for child in parts(world, "body")][::-1]
     while waiting:
@@ -102,14 +112,14 @@ def bodies(world: _Element) -> Iterator[tuple[_Element, str]]:
         waiting += [(child, body.get("name", "")) for child in parts(body, "body")][::-1]
 
 
-def world_of(root: _Element) -> _Element:
+def world_of(root: Element) -> Element:
     """The <worldbody>, without which `flatten_mjcf` takes no MJCF."""
     world = root.find("worldbody")
     assert world is not None  # noqa: S101 # see above
     return world
 
 
-def named_bodies(root: _Element) -> list[tuple[_Element, str]]:
+def named_bodies(root: Element) -> list[tuple[Element, str]]:
     """(element, name) of the world and of all bodies, depth first in file order."""
     world = world_of(root)
     return [(world, WORLD), *((body, body.get("name", "")) for body, _ in bodies(world))]
@@ -118,30 +128,26 @@ def named_bodies(root: _Element) -> list[tuple[_Element, str]]:
 class Classes:
     """The default classes: what an element says together with the classes that speak for it."""
 
-    def __init__(self, root: _Element) -> None:
+    def __init__(self, root: Element) -> None:
         self._said: dict[str, dict[str, dict[str, str]]] = {"main": {}}
-        tops = list(root.iterchildren("default"))[::-1]
-        waiting: list[tuple[_Element, str, dict[str, dict[str, str]]]] = [
-            (top, "main", {}) for top in tops
-        ]
-        while waiting:
-            node, name, inherited = waiting.pop()
-            name = node.get("class", name)
-            defaults = self._said.setdefault(name, {})
-            for tag, attributes in inherited.items():
-                defaults[tag] = {**attributes, **defaults.get(tag, {})}
-            for child in node.iterchildren("*"):
-                if child.tag != "default":
-                    defaults[str(child.tag)] = {
-                        **defaults.get(str(child.tag), {}),
-                        **own_attributes(child),
-                    }
-            for child in node.iterchildren("default"):
-                if not child.get("class"):
-                    raise error_at(child, "a <default> inside another without a `class`")
-                waiting.append((child, "", defaults))
+        for top in root.iterchildren("default"):
+            self._add(top, top.get("class", "main"), {})
 
-    def attributes(self, element: _Element) -> dict[str, str]:
+    def _add(self, node: Element, name: str, inherited: dict[str, dict[str, str]]) -> None:
+        """Add a class, and those inside of it."""
+        defaults = self._said.setdefault(name, {})
+        for tag, attributes in inherited.items():
+            defaults[tag] = {**attributes, **defaults.get(tag, {})}
+        for child in node.iterchildren("*"):
+            tag = str(child.tag)
+            if tag != "default":
+                defaults[tag] = {**defaults.get(tag, {}), **own_attributes(child)}
+        for child in node.iterchildren("default"):
+            if not child.get("class"):
+                raise error_at(child, "a <default> inside another without a `class`")
+            self._add(child, str(child.get("class")), defaults)
+
+    def attributes(self, element: Element) -> dict[str, str]:
         """All that is said of an element, its classes included; without its name and class."""
         tag = str(element.tag)
         default_tag = _DEFAULT_TAG.get(tag, tag)

@@ -104,8 +104,7 @@ class ExpandXacro(Step):
                 refuse_pointer(_bytes_of(tree / error.where.file), where=error.where)
             raise error
         (files.outputs / "robot.urdf").write_text(answer["urdf"], encoding="utf-8")
-        used = json.dumps(answer["used"], indent=1)
-        (files.outputs / "used.json").write_text(used + "\n", encoding="ascii")
+        files.write_json("used.json", answer["used"])
         for name in sorted({*self.absent} & {*answer["used"]["packages"]}):
             yield ABSENT(
                 "recipe source.missing.packages",
@@ -132,13 +131,7 @@ class ExpandXacro(Step):
                 yield name, did_you_mean(name, named)
 
     def _expanded(self, tree: Path) -> dict[str, Any]:  # Any: JSON of the child
-        job = {
-            "tree": str(tree),
-            "file": self.file,
-            "args": self.args,
-            "packages": self.packages,
-            "absent": self.absent,
-        }
+        job = {"tree": str(tree), **self.model_dump()}
         path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
         try:
             child = subprocess.run(

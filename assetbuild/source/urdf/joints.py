@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast, get_args
 
-from assetbuild.errors import did_you_mean
-from assetbuild.findings import Data, Finding, Rule
+from assetbuild.errors import did_you_mean, quoted
+from assetbuild.findings import Rule
 from assetbuild.robot.model import (
     URDF_UNLIMITED,
     Base,
@@ -64,9 +64,7 @@ TWO_PARENTS = (
 )
 
 
-def read_joint(
-    name: str, node: Node, joint_names: set[str], links: Mapping[str, Node]
-) -> tuple[Joint, list[Finding]]:
+def read_joint(name: str, node: Node, joint_names: set[str], links: Mapping[str, Node]) -> Joint:
     """One joint; its parent and child must be in `links`, a mimicked joint in `joint_names`."""
     kind = node.text("type")
     if kind not in KINDS:
@@ -74,23 +72,20 @@ def read_joint(
     parent, child = (_link(node.need(tag), links) for tag in ("parent", "child"))
     if parent == child:
         raise node.error(f"parent and child are the same link `{child}`")
-    axis, findings = _read_axis(node, kind)
-    limits, limit_findings = _read_limits(node, kind)
     brakes, words = node.only("dynamics"), ("damping", "friction")
     damping, friction = (brakes.not_negative(word) if brakes else None for word in words)
-    joint = Joint(
+    return Joint(
         name=name,
         kind=cast(JointKind, kind),  # checked against KINDS above
         parent=parent,
         child=child,
         X_parent_joint=read_origin(node),
-        axis=axis,
-        limits=limits,
+        axis=_read_axis(node, kind),
+        limits=_read_limits(node, kind),
         damping=damping,
         friction=friction,
         mimic=_read_mimic(node, name, joint_names),
     )
-    return joint, findings + limit_findings
 
 
 def build_tree(
@@ -99,46 +94,44 @@ def build_tree(
     bodies: list[Body],
     joints: list[Joint],
     nodes: Mapping[str, Node],
-) -> tuple[Tree, list[Finding]]:
+) -> Tree:
     """Depth-first tree with one root. nodes: by subject, `link trunk`, for the lines of errors."""
     above: dict[str, Joint] = {}
     for joint in joints:
         if joint.child in above:
             message = f"link `{joint.child}` already hangs on joint `{above[joint.child].name}`"
-            raise _at(nodes, joint.name).error(message, TWO_PARENTS)
+            raise nodes[f"joint {joint.name}"].error(message, TWO_PARENTS)
         above[joint.child] = joint
-    _refuse_mimic_loops(joints, nodes)
-    joints, findings = _hold_followers(joints, nodes)
+    joints = _hold_followers(joints, nodes)
     by_name = {body.name: body for body in bodies}
     root = _root(list(by_name), above, nodes)
     links, ordered = depth_first(root, joints)
-    return Tree(name, base, tuple(by_name[link] for link in links), ordered), findings
+    return Tree(name, base, tuple(by_name[link] for link in links), ordered)
 
 
 def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node]) -> str:
     roots = [link for link in links if link not in above]
     if len(roots) > 1:
-        names = ", ".join(f"`{link}`" for link in roots[:8]) + (", ..." if len(roots) > 8 else "")
-        message = f"{len(roots)} links have no parent: {names}"
+        message = f"{len(roots)} links have no parent: {quoted(roots, 8)}"
         hint = "connect all but one by a joint, of type `fixed` if they do not move"
-        raise nodes[f"link {roots[1]}"].error(message, hint)
-    for start in links:
-        loop: list[str] = []
-        link = start
-        while link in above and link not in loop:
-            loop.append(link)
-            link = above[link].parent
-        if link in loop:
-            ring = [*loop[loop.index(link) :], link][::-1]
-            way = " -> ".join(f"`{name}`" for name in ring[:12])
-            node = _at(nodes, above[link].name)
-            raise node.error(f"the joints close a loop: {way}", "a robot is a tree with one root")
+        raise nodes[f"link {roots[1]}"].about("").error(message, hint)
+    parents = {link: joint.parent for link, joint in above.items()}
+    for circle in filter(None, (_circle(link, parents) for link in links)):
+        ring = circle[circle.index(circle[-1]) :][::-1]
+        way = " -> ".join(f"`{name}`" for name in ring[:12])
+        node = nodes[f"joint {above[ring[0]].name}"]
+        raise node.error(f"the joints close a loop: {way}", "a robot is a tree with one root")
     return roots[0]
 
 
-def _at(nodes: Mapping[str, Node], joint: str) -> Node:
-    subject = f"joint {joint}"
-    return nodes[subject].about(subject)
+def _circle(start: str, above: Mapping[str, str]) -> list[str]:
+    """Return the way up from a name until one comes again; nothing where the way ends."""
+    way = [start]
+    while (name := above.get(way[-1])) is not None:
+        if name in way:
+            return [*way, name]
+        way.append(name)
+    return []
 
 
 def _link(node: Node, links: Mapping[str, Node]) -> str:
@@ -148,11 +141,11 @@ def _link(node: Node, links: Mapping[str, Node]) -> str:
     return name
 
 
-def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
+def _read_axis(node: Node, kind: str) -> Vec3:
     """Unit axis in the joint frame; X where omitted (so says the format)."""
     element = node.only("axis")
     if element is None or kind not in WITH_AXIS:  # exporters like to write one without meaning
-        return (1.0, 0.0, 0.0), []
+        return (1.0, 0.0, 0.0)
     if element.get("xyz") is None:
         hint = (
             'write `xyz="1 0 0"`, which counts where <axis> is absent, or the axis that is meant: '
@@ -165,17 +158,16 @@ def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
         hint = "give the direction that the joint moves about or along"
         raise element.error(f"axis is `{element.get('xyz')}`: it has no direction", hint)
     unit = axis if norm == 1.0 else vec3([value / norm for value in axis])
-    if abs(norm - 1.0) <= AXIS_TOLERANCE:
-        return unit, []
-    message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
-    data: Data = {"axis": axis, "norm": norm}
-    return unit, [AXIS_NORMALISED(node.subject, message, data=data)]
+    if abs(norm - 1.0) > AXIS_TOLERANCE:
+        message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
+        node.report(AXIS_NORMALISED, message, data={"axis": axis, "norm": norm})
+    return unit
 
 
-def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
+def _read_limits(node: Node, kind: str) -> Limits:
     element = node.only("limit")
     if kind in ("fixed", "floating", "planar"):
-        return Limits(), []  # no reader looks at it
+        return Limits()  # no reader looks at it
     if element is None:
         if kind in ("revolute", "prismatic"):
             raise node.error(
@@ -183,36 +175,28 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
                 "add <limit lower upper effort velocity>"
                 + (", or make it `continuous`" if kind == "revolute" else ""),
             )
-        return Limits(), []
+        return Limits()
     lower, upper = element.optional("lower"), element.optional("upper")
     effort, velocity = element.not_negative("effort"), element.not_negative("velocity")
     stated = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
-    findings = []
     if kind == "continuous":
         if lower or upper:
             message = f"a continuous joint has no range; lower {lower}, upper {upper} are not used"
-            ends = {"lower": lower, "upper": upper}
-            findings.append(LIMIT_IGNORED(node.subject, message, data=ends))
+            node.report(LIMIT_IGNORED, message, data={"lower": lower, "upper": upper})
         stated |= {"lower": None, "upper": None}
     else:
-        missing = [name for name, value in stated.items() if value is None]
-        findings += [_omitted(node, missing)] if missing else []
+        if missing := tuple(name for name, value in stated.items() if value is None):
+            zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
+            note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
+            message = f"<limit> leaves out {quoted(missing, 4)}{note}"
+            node.report(LIMIT_OMITTED, message, data={"missing": missing})
         stated |= {"lower": lower or 0.0, "upper": upper or 0.0}
     free = [name for name, value in stated.items() if abs(value or 0.0) >= URDF_UNLIMITED]
     if free:
-        words = ", ".join(f"`{name}`" for name in free)
+        words = quoted(free, 4)
         message = f"<limit> states {URDF_UNLIMITED:g} or more for {words}: it counts as unlimited"
-        data: Data = {"unlimited": tuple(free)}
-        findings.append(LIMIT_UNLIMITED(node.subject, message, data=data))
-    return Limits(**(stated | dict.fromkeys(free))), findings
-
-
-def _omitted(node: Node, missing: list[str]) -> Finding:
-    words = ", ".join(f"`{name}`" for name in missing)
-    zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
-    note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
-    message = f"<limit> leaves out {words}{note}"
-    return LIMIT_OMITTED(node.subject, message, data={"missing": tuple(missing)})
+        node.report(LIMIT_UNLIMITED, message, data={"unlimited": tuple(free)})
+    return Limits(**(stated | dict.fromkeys(free)))
 
 
 def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
@@ -231,26 +215,16 @@ def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
     return Mimic(leader, element.number("multiplier", 1.0), element.number("offset", 0.0))
 
 
-def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
-    leader = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
-    for start in leader:
-        seen = [start]
-        while (following := leader.get(seen[-1])) is not None:
-            if following in seen:
-                way = " -> ".join(f"`{name}`" for name in [*seen, following])
-                raise _at(nodes, start).error(f"mimic joints follow one another: {way}")
-            seen.append(following)
-
-
-def _hold_followers(
-    joints: list[Joint], nodes: Mapping[str, Node]
-) -> tuple[list[Joint], list[Finding]]:
+def _hold_followers(joints: list[Joint], nodes: Mapping[str, Node]) -> list[Joint]:
     """Joints that mimic a fixed one, directly or through others, are locked where it puts them.
 
-    So are those that follow by a multiplier of 0, which PhysX does not couple.
+    So are those that follow by a multiplier of 0, which PhysX does not couple. Circles are refused.
     """
+    leader = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
+    for circle in filter(None, (_circle(name, leader) for name in leader)):
+        way = " -> ".join(f"`{name}`" for name in circle)
+        raise nodes[f"joint {circle[0]}"].error(f"mimic joints follow one another: {way}")
     by_name = {joint.name: joint for joint in joints}
-    held: dict[str, float] = {}
 
     def position(joint: Joint) -> float | None:
         """rad or m; None = it moves."""
@@ -262,29 +236,21 @@ def _hold_followers(
             return joint.mimic.offset
         leader = by_name[joint.mimic.joint]
         if leader.kind in ("planar", "floating"):
-            raise _at(nodes, joint.name).error(
+            raise nodes[f"joint {joint.name}"].error(
                 f"mimic joint `{leader.name}` is {leader.kind}: it has no single position"
             )
         at = position(leader)
         return None if at is None else joint.mimic.offset + joint.mimic.multiplier * at
 
-    for joint in joints:
-        if joint.mimic is not None and joint.kind != "fixed":
-            at = position(joint)
-            if at is not None:
-                held[joint.name] = at + 0.0
-    findings = [
-        MIMIC_FIXED(
-            f"joint {name}",
-            f"mimics a joint that is fixed, or with a multiplier of 0: locked at {at:g}",
-            data={"position": at},
-        )
-        for name, at in held.items()
-    ]
-    return [_locked(j, held[j.name]) if j.name in held else j for j in joints], findings
+    def held(joint: Joint) -> Joint:
+        at = position(joint) if joint.kind != "fixed" else None
+        if joint.mimic is None or at is None:
+            return joint
+        at += 0.0
+        message = f"mimics a joint that is fixed, or with a multiplier of 0: locked at {at:g}"
+        nodes[f"joint {joint.name}"].report(MIMIC_FIXED, message, data={"position": at})
+        kind: JointKind = "revolute" if joint.kind == "continuous" else joint.kind
+        limits = replace(joint.limits, lower=at, upper=at)
+        return replace(joint, kind=kind, mimic=None, limits=limits)
 
-
-def _locked(joint: Joint, at: float) -> Joint:
-    kind: JointKind = "revolute" if joint.kind == "continuous" else joint.kind
-    limits = replace(joint.limits, lower=at, upper=at)
-    return replace(joint, kind=kind, mimic=None, limits=limits)
+    return [held(joint) for joint in joints]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import posixpath
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain, count
 from typing import Literal, get_args
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Rule
 from assetbuild.mesh.read import Format
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Body, Inertial
@@ -106,25 +106,24 @@ def read_shapes(root: Node, links: list[tuple[str, Node]], paths: Paths) -> Geom
     """All shapes in file order, the visuals of a link before its collisions."""
     made = Geometries(paths)
     for name, node in named([n.about("robot") for n in root.all("material")]):
-        made.define(name, node)
-    drafts: list[tuple[SourceShape, str]] = []
+        made.see(node, name)
+    drafts: list[tuple[SourceShape, str, Node]] = []
     stated = [(link, role, pair) for link, node in links for role in ROLES
               for pair in enumerate(node.all(role))]  # fmt: skip
     for link, role, (index, element) in stated:
         material = element.only("material") if role == "visual" else None
-        worn = made.see(material, link) if material is not None else ""
+        worn = made.see(material, f"{link}_material") if material is not None else ""
         geometry = element.only("geometry")
         size = geometry.only("*") if geometry is not None else None
         if geometry is None or size is None:
             continue  # `tidy` has reported it
-        if missing := paths.left_out(geometry, role):
-            made.findings.append(missing)
+        if paths.left_out(geometry, role):
             continue
         name = f"{link}_{role}" + (f"_{index}" if index else "")
         kind, X = _read_geometry(size, paths, made.uses), read_origin(element)
-        drafts.append((SourceShape(name, link, role, kind, X), worn))
+        drafts.append((SourceShape(name, link, role, kind, X), worn, element))
         made.lines[f"shape {name}"] = element.line
-    made.shapes = [made.paint(shape, name) for shape, name in drafts]
+    made.shapes = [made.paint(*draft) for draft in drafts]
     return made
 
 
@@ -172,48 +171,39 @@ class Geometries:
         self.shapes: list[SourceShape] = []
         self.materials: dict[str, Material] = {}
         self.uses: dict[str, MeshUse] = {}
-        self.findings: list[Finding] = []
         self.lines: dict[str, int] = {}
         self._undefined: set[str] = set()
 
-    def define(self, name: str, node: Node) -> None:
-        """A material of the robot; one that says nothing about its look defines nothing."""
-        look = self._look(name, node)
-        if look is not None:
-            self._add(look, node)
+    def see(self, node: Node, otherwise: str) -> str:
+        """Return the name that a material goes by; it may define a look.
 
-    def see(self, node: Node, link: str) -> str:
-        """The name that a material inside a visual goes by; it may define a look, named or not."""
+        A second look of one name gets the next free name. otherwise: the name of a nameless one.
+        """
         name = node.get("name") or ""
-        look = self._look(name or f"{link}_material", node)
+        look = self._look(name or otherwise, node)
         if look is None:
             return name
-        known = self.materials.get(look.name)
-        if known is not None and known != look:
-            look = self._renamed(look, report=bool(name))
-        if look.name not in self.materials:
-            self._add(look, node)
-        return look.name
+        others = (replace(look, name=f"{look.name}_{n}") for n in count(1))
+        worn = next(o for o in chain((look,), others) if self.materials.get(o.name) in (None, o))
+        if worn.name not in self.materials:
+            self.materials[worn.name] = worn
+            self.lines[f"material {worn.name}"] = node.line
+            if name and worn is not look:
+                message = f"defined with two looks; the second is called `{worn.name}`"
+                data = {"renamed": worn.name}
+                node.about(f"material {name}").report(MATERIAL_CONFLICT, message, data=data)
+        return worn.name
 
-    def paint(self, shape: SourceShape, name: str) -> SourceShape:
-        """The shape with its material; call when every visual has been seen."""
+    def paint(self, shape: SourceShape, name: str, node: Node) -> SourceShape:
+        """Return the shape with its material; call when every visual has been seen."""
         if name in self.materials:
             return replace(shape, material=name)
         if name and name not in self._undefined:
             self._undefined.add(name)
-            self.findings.append(
-                UNDEFINED_MATERIAL(
-                    f"link {shape.link}",
-                    f"material `{name}` is defined nowhere; its shapes get the default look",
-                    did_you_mean(name, self.materials),
-                    data={"material": name},
-                )
-            )
+            message = f"material `{name}` is defined nowhere; its shapes get the default look"
+            near = did_you_mean(name, self.materials)
+            node.report(UNDEFINED_MATERIAL, message, near, data={"material": name})
         return shape
-
-    def _add(self, material: Material, node: Node) -> None:
-        self.materials[material.name] = material
-        self.lines[f"material {material.name}"] = node.line
 
     def _look(self, name: str, node: Node) -> Material | None:
         color, texture = node.only("color"), node.only("texture")
@@ -223,32 +213,14 @@ class Geometries:
             return None
         rgba: Rgba = (1.0, 1.0, 1.0, 1.0)  # a texture alone is shown as it is
         if color is not None:
-            rgba = self._rgba(name, color)
+            rgba = _rgba(name, color)
         return Material(name, rgba, self.paths.resolve(texture) if texture is not None else None)
 
-    def _rgba(self, name: str, color: Node) -> Rgba:
-        stated = color.numbers("rgba", 4)
-        r, g, b, a = (min(1.0, max(0.0, value)) + 0.0 for value in stated)
-        if stated != (r, g, b, a):
-            self.findings.append(
-                COLOUR_RANGE(
-                    f"material {name}",
-                    f"rgba `{color.get('rgba')}` was cut to 0..1",
-                    data={"rgba": stated},
-                )
-            )
-        return (r, g, b, a)
 
-    def _renamed(self, look: Material, report: bool) -> Material:
-        """The look under the next free name, or under the one that it already got."""
-        others = (replace(look, name=f"{look.name}_{number}") for number in itertools.count(1))
-        other = next(o for o in others if self.materials.get(o.name) in (None, o))
-        if report and other.name not in self.materials:
-            self.findings.append(
-                MATERIAL_CONFLICT(
-                    f"material {look.name}",
-                    f"defined with two looks; the second is called `{other.name}`",
-                    data={"renamed": other.name},
-                )
-            )
-        return other
+def _rgba(name: str, color: Node) -> Rgba:
+    stated = color.numbers("rgba", 4)
+    r, g, b, a = (min(1.0, max(0.0, value)) + 0.0 for value in stated)
+    if stated != (r, g, b, a):
+        message = f"rgba `{color.get('rgba')}` was cut to 0..1"
+        color.about(f"material {name}").report(COLOUR_RANGE, message, data={"rgba": stated})
+    return (r, g, b, a)

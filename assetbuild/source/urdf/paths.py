@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Rule
 from assetbuild.source.urdf.xml import Node
 
 TAKEN = Rule(
@@ -51,13 +51,13 @@ class Paths:
         Whether the file exists is not asked here.
         """
         kind, assumption, path = self._meaning(node)
-        if kind:
+        if assumption:
             uri = node.text("filename").strip()
             self.taken.setdefault(kind, []).append((assumption, uri, path, node.line))
         return path
 
     def _meaning(self, node: Node) -> tuple[str, str, str]:
-        """(kind, how it was taken, normalised path); kind: "" where all readers agree."""
+        """(kind, how it was taken, normalised path); "" for how where all readers agree."""
         uri = node.text("filename").strip()
         if "\\" in uri:
             raise node.error(f"{node.tag} filename `{uri}` has a backslash", "write `/` instead")
@@ -75,11 +75,10 @@ class Paths:
         """As `_meaning`, not normalised."""
         match = _SCHEME.match(uri)
         scheme = match[1] if match else ""
-        if scheme == "package":
-            return "", "", self._in_package(node, uri, uri.removeprefix("package:"))
-        if scheme == "model":
-            assumption = "`model://` was taken for `package://`"
-            return "model", assumption, self._in_package(node, uri, uri.removeprefix("model:"))
+        if scheme in ("package", "model"):
+            path = self._in_package(node, uri, uri.removeprefix(f"{scheme}:"))
+            assumption = "`model://` was taken for `package://`" if scheme == "model" else ""
+            return scheme, assumption, path
         if scheme not in ("", "file"):
             raise node.error(f"{node.tag} filename `{uri}`: `{scheme}:` cannot be followed", _HINT)
         path = uri.removeprefix("file:")
@@ -98,11 +97,8 @@ class Paths:
         start = self.relative_to if self.relative_to is not None else posixpath.dirname(self.file)
         whole = posixpath.join(start, plain)
         if scheme:
-            return (
-                "file",
-                f"`file:` without an absolute path was taken to start at `{start}`",
-                whole,
-            )
+            assumption = f"`file:` without an absolute path was taken to start at `{start}`"
+            return "file", assumption, whole
         if self.relative_to is None or start == posixpath.dirname(self.file):
             return "", "", whole
         return "relative", f"relative names were taken to start at `{start}`", whole
@@ -116,14 +112,14 @@ class Paths:
             raise node.error(f"{node.tag} filename `{uri}`: no package named `{name}`", hint)
         return posixpath.join(self.packages[name], rest)
 
-    def left_out(self, geometry: Node, role: str) -> Finding | None:
-        """The finding on a shape whose mesh is stated as missing; None: its mesh is there.
+    def left_out(self, geometry: Node, role: str) -> bool:
+        """Return whether the mesh of a shape is stated as missing, and report that.
 
         SourceError for a collision mesh: without it the robot would be another one.
         """
         mesh = geometry.only("mesh") if self.missing else None
         if mesh is None or (path := self._meaning(mesh)[2]) not in self.missing:
-            return None
+            return False
         if role == "collision":
             hint = "bring the mesh, or replace the <collision> by a patch (see `source.patches`)"
             message = (
@@ -131,14 +127,15 @@ class Paths:
             )
             raise mesh.error(message, hint)
         message = f"its visual mesh `{path}` is missing (line {mesh.line}); nothing is drawn for it"
-        return MISSING(mesh.subject, message, data={"mesh": path})
+        mesh.report(MISSING, message, data={"mesh": path})
+        return True
 
-    def findings(self) -> Iterator[Finding]:
-        """One for each kind of name that not every reader would have followed."""
+    def report(self, robot: Node) -> None:
+        """Report each kind of name that not every reader would have followed."""
         for kind, taken in sorted(self.taken.items()):
             assumption, uri, path, line = taken[0]
-            yield TAKEN(
-                "robot",
+            robot.report(
+                TAKEN,
                 f"{assumption}, {len(taken)} times: first `{uri}` (line {line}) for `{path}`",
                 severity="warning" if kind.startswith("/") or kind == "file" else "info",
                 data={"uri": uri, "path": path, "count": len(taken)},

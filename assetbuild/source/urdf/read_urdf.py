@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydantic import Field
@@ -12,18 +11,13 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base
+from assetbuild.robot.model import Base, Joint
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.source.urdf.joints import build_tree, read_joint
-from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
+from assetbuild.source.urdf.links import named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
 from assetbuild.source.urdf.tidy import read_tidy
-from assetbuild.source.urdf.xml import (
-    Node,
-    canonical,
-    homeless,
-    strays,
-)
+from assetbuild.source.urdf.xml import Node, canonical, unread
 
 DROPPED = Rule(
     "urdf.dropped",
@@ -80,61 +74,51 @@ class ReadUrdf(Step):
     missing: tuple[str, ...] = ()
     """See `Paths`."""
 
-    def run(self, files: Files) -> Iterator[Finding]:
+    def run(self, files: Files) -> Sequence[Finding]:
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
         data = (files.inputs / "robot.urdf").read_bytes()
-        root, mended = read_tidy(data, self.file)
+        root = read_tidy(data, self.file)
         if self.base == "floating":
-            mended += _without_world(root)
+            _leave_out_world(root)
         links = list(named(root.all("link")))
         bodies = [read_body(name, link) for name, link in links]
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
         geometries = read_shapes(root, links, paths)
-        stated, by_name = root.all("joint"), dict(links)
-        names = {str(node.get("name")) for node in stated}
-        read = [read_joint(name, node, names, by_name) for name, node in named(stated)]
+        nodes, by_name = {node.subject: node for _, node in links}, dict(links)
+        names = {str(node.get("name")) for node in root.all("joint")}
+        joints = list[Joint]()
+        for name, node in named(root.all("joint")):
+            joints.append(read_joint(name, node, names, by_name))
+            nodes[node.subject] = node
         name = (root.get("name") or "").strip()
-        message, hint = "<robot> has no name; it is called `robot`", 'write <robot name="...">'
-        unnamed = [] if name else [NAMELESS("robot", message, hint)]
-        if not root.all("link"):
+        if not name:
+            hint = 'write <robot name="...">'
+            root.report(NAMELESS, "<robot> has no name; it is called `robot`", hint)
+        if not links:
             hint = "is this the right file? A xacro of macros alone is included by another one"
             raise root.error("a robot without links", hint)
-        nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
-        tree, held = build_tree(
-            name or "robot", self.base, bodies, [joint for joint, _ in read], nodes
-        )
+        tree = build_tree(name or "robot", self.base, bodies, joints, nodes)
         out, used = files.outputs, [use for _, use in sorted(geometries.uses.items())]
         shapes = SourceShapes(tuple(geometries.shapes), tuple(geometries.materials.values()))
         (out / "links.json").write_bytes(encode(tree))
         (out / "shapes.json").write_bytes(encode(shapes))
-        source_map = self._source_map(root, nodes, geometries)
-        for file, value in (("meshes.json", used), ("source_map.json", source_map)):
-            text = json.dumps(value, sort_keys=True, indent=1)
-            (out / file).write_text(text + "\n", encoding="ascii")
-        (out / "source.urdf").write_bytes(canonical(root))
-        yield from [
-            *mended,
-            *unnamed,
-            *paths.findings(),
-            *geometries.findings,
-            *(finding for _, findings in read for finding in findings),
-            *held,
-            *_dropped(root),
-        ]
-
-    def _source_map(
-        self, root: Node, nodes: dict[str, Node], geometries: Geometries
-    ) -> dict[str, object]:
+        files.write_json("meshes.json", used)
+        homeless, strays = unread(root)
         lines = {"robot": root.line}
         lines |= {subject: node.line for subject, node in nodes.items()}
         lines |= geometries.lines
         lines |= {f"mesh {path}": int(use["line"]) for path, use in geometries.uses.items()}
-        lines |= {f"element {kind}": nodes[0].line for kind, nodes in homeless(root).items()}
-        lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays(root))}
-        return {"file": self.file, "lines": lines}
+        lines |= {f"element {kind}": found[0].line for kind, found in homeless.items()}
+        lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays)}
+        files.write_json("source_map.json", {"file": self.file, "lines": lines})
+        (out / "source.urdf").write_bytes(canonical(root))
+        paths.report(root)
+        _report_strays(strays)
+        _report_homeless(root, homeless)
+        return root.findings
 
 
-def _without_world(root: Node) -> Iterator[Finding]:
+def _leave_out_world(root: Node) -> None:
     """Take out an empty root link with the floating joint below it, which a floating base is."""
     joints = root.all("joint")
     children = {child.get("link") for joint in joints if (child := joint.only("child"))}
@@ -148,7 +132,7 @@ def _without_world(root: Node) -> Iterator[Finding]:
     message = f"joint {held[0].get('name')} on line {held[0].line} floats from the empty link "
     message += f"`{world}`: both are left out, and the link below is the floating base"
     hint = "where it starts stands in the recipe's keyframes"
-    yield WORLD_JOINT("robot", message, hint, data={"line": held[0].line})
+    root.report(WORLD_JOINT, message, hint, data={"line": held[0].line})
     held[0].remove()
     roots[0].remove()
 
@@ -160,16 +144,15 @@ def without_meshes(file: Path, urdf: bytes, base: Base = "fixed") -> ReadUrdf:
     return ReadUrdf(file=str(file.absolute()), base=base, packages=packages)
 
 
-def _dropped(root: Node) -> Iterator[Finding]:
+def _report_homeless(root: Node, homeless: Mapping[str, list[Node]]) -> None:
     """One finding for each kind of thing that the robot model has no place for."""
-    yield from _strays(root)
-    for kind, nodes in homeless(root).items():
+    for kind, nodes in homeless.items():
         attribute, _, tag = kind.rpartition(" of ")
         what = f"attribute `{attribute}` of <{tag}>" if attribute else f"<{kind}>"
         times = f", {len(nodes)} times" if len(nodes) > 1 else ""
         moves = kind in LIMITS_OF_1_2 or any(map(_moves, nodes))
-        yield DROPPED(
-            "robot",
+        root.report(
+            DROPPED,
             f"{what} was left out{times}" + ("" if attribute else f": {_listed(nodes)}"),
             hint="no target has a place for it; the source keeps it"
             + ("; the robot moves otherwise without it" if moves else ""),
@@ -200,15 +183,15 @@ def _moves(node: Node) -> bool:
     return not pulls or "springStiffness" in values
 
 
-def _strays(root: Node) -> Iterator[Finding]:
+def _report_strays(strays: Sequence[Node]) -> None:
     """Parts of links and joints that stand elsewhere, with the mass that vanishes with them."""
-    for stray in strays(root):
+    for stray in strays:
         tag = stray.tag
         mass = stray if tag == "mass" else stray.only("mass")
         value = mass.get("value") if mass is not None else None
         weighs = f" of {value} kg" if value else ""
-        yield STRAY(
-            f"element {tag}",
+        stray.about(f"element {tag}").report(
+            STRAY,
             f"<{tag}>{weighs} on line {stray.line} is misplaced and ignored, as by every "
             "other reader",
             hint="move it into the <link> or <joint> that it is part of",

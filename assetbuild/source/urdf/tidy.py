@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from assetbuild.errors import SourceError
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Rule
 from assetbuild.robot.model import URDF_UNLIMITED
 from assetbuild.source.urdf.quaternions import (
     QUATERNION,
@@ -145,45 +145,45 @@ class Sloppy:
     summed: str = ""
 
 
-def read_tidy(data: bytes, file: str) -> tuple[Node, list[Finding]]:
-    """The <robot> element of a URDF in tidy text, and what was taken for what."""
+def read_tidy(data: bytes, file: str) -> Node:
+    """The <robot> element of a URDF in tidy text; what was taken for what is reported."""
     root, faults = parse(data, file)
-    findings = [*_overlooked(faults), *_same_materials(root)]
+    _report_overlooked(root, faults)
+    _remove_same_materials(root)
     for row in TABLE:
-        findings += _walked(root, row)
-    return root, findings
+        _mend(root, row)
+    return root
 
 
-def _walked(root: Node, row: Sloppy) -> Iterator[Finding]:
+def _mend(root: Node, row: Sloppy) -> None:
     """Mend all that a row is about."""
-    fixes: list[Taken] = []
+    fixes: list[tuple[int, str]] = []
     for element in [one for path in row.where for one in root.element.findall(path)]:
-        node = Node(element, root.file)
-        around = [Node(one, root.file) for one in (element, *element.iterancestors())][:-1]
+        node = root.of(element)
+        around = [root.of(one) for one in (element, *element.iterancestors())][:-1]
         if around:
             node = node.about(f"{around[-1].tag} {around[-1].get('name')}")
-        fixes += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
-        if not row.summed:
-            subject = node.subject or "robot"
-            yield from (row.rule(subject, text, data=data) for text, data in fixes)
-            fixes.clear()
+        for text, more in row.mend(node):
+            if row.summed:
+                fixes.append((node.line, text))
+            else:
+                node.report(row.rule, text, data={"line": node.line, **more})
     if fixes:
-        (first, data), times = fixes[0], f"{len(fixes)} times" if len(fixes) > 1 else "once"
-        message = f"{row.summed}, {times} (line {data['line']}: `{first}`)"
-        counted = {"count": len(fixes), "line": data["line"]}
-        yield row.rule("robot", message, data=counted)
+        (line, first), times = fixes[0], f"{len(fixes)} times" if len(fixes) > 1 else "once"
+        message = f"{row.summed}, {times} (line {line}: `{first}`)"
+        root.report(row.rule, message, data={"count": len(fixes), "line": line})
 
 
 # --- text and numbers -----------------------------------------------------------------------
 
 
-def _overlooked(faults: tuple[Fault, ...]) -> Iterator[Finding]:
+def _report_overlooked(root: Node, faults: tuple[Fault, ...]) -> None:
     """The first fault of each kind."""
     for kind in dict.fromkeys(fault.kind for fault in faults):
         fault = next(fault for fault in faults if fault.kind == kind)
         what, remedy = _FAULTS[kind]
         message = f"line {fault.line}: {what}: `{fault.text}`"
-        yield FAULT("robot", message, remedy, data={"fault": kind, "line": fault.line})
+        root.report(FAULT, message, remedy, data={"fault": kind, "line": fault.line})
 
 
 def _only_first(node: Node) -> Iterator[Taken]:
@@ -201,7 +201,7 @@ def _repeated(parent: Node, extra: Node) -> Taken:
     return text, {"element": extra.tag, "line": extra.line}
 
 
-def _same_materials(root: Node) -> Iterator[Finding]:
+def _remove_same_materials(root: Node) -> None:
     """A material that is defined again with the same look is one material."""
     seen: dict[str, object] = {}
     for material in root.all("material"):
@@ -211,7 +211,7 @@ def _same_materials(root: Node) -> Iterator[Finding]:
         if name in seen and seen[name] == look:
             material.remove()
             text, data = _repeated(root, material)
-            yield REPEATED(f"material {name}", text, data=data)
+            root.about(f"material {name}").report(REPEATED, text, data=data)
         seen.setdefault(name, look)
 
 

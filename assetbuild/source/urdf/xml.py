@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, cast
 
 from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.lfs import refuse_pointer
-from assetbuild.xml_text import Fault, NotXml, read_tree
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
-T = TypeVar("T")
+from assetbuild.xml_text import Element, Fault, NotXml, read_tree
 
 MAX_BYTES = 64 * 1024 * 1024
 XACRO = ("http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro", "http://wiki.ros.org/xacro")
@@ -29,11 +25,15 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 @dataclass(frozen=True)
 class Node:
-    """One element of the description. subject: `link trunk`, put before every complaint."""
+    """One element of the description. subject: `link trunk`, put before every complaint.
 
-    element: _Element
+    findings: what is reported about the whole file, one list for all its nodes.
+    """
+
+    element: Element
     file: str
     subject: str = ""
+    findings: list[Finding] = field(default_factory=list, compare=False)
 
     @property
     def tag(self) -> str:
@@ -55,15 +55,30 @@ class Node:
         text = f"{self.subject}: {message}" if self.subject else message
         return SourceError(text, where=Where(self.file, self.line), hint=hint)
 
+    def report(
+        self,
+        rule: Rule,
+        message: str,
+        hint: str = "",
+        severity: Severity | None = None,
+        data: Data | None = None,
+    ) -> None:
+        """Add a finding about the subject, or about the robot where there is none."""
+        subject = self.subject or "robot"
+        self.findings.append(rule(subject, message, hint, severity=severity, data=data))
+
+    def of(self, element: Element) -> Node:
+        """Return another element of the same file, under the same subject."""
+        return replace(self, element=element)
+
     def all(self, tag: str) -> list[Node]:
         """The children with that tag, in file order."""
-        children = self.element.iterchildren(tag)
-        return [Node(child, self.file, self.subject) for child in children]
+        return [self.of(child) for child in self.element.iterchildren(tag)]
 
     def only(self, tag: str) -> Node | None:
         """The first child with that tag (`*`: any), or None; `tidy` has removed the others."""
         child = next(self.element.iterchildren(tag), None)
-        return None if child is None else Node(child, self.file, self.subject)
+        return None if child is None else self.of(child)
 
     def need(self, tag: str) -> Node:
         """The first child with that tag."""
@@ -78,7 +93,7 @@ class Node:
 
         child = etree.SubElement(self.element, tag)
         child.sourceline = self.element.sourceline
-        return Node(child, self.file, self.subject)
+        return self.of(child)
 
     def remove(self) -> None:
         """Take the element out of its parent."""
@@ -174,7 +189,7 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
     """The <robot> element of a URDF, and the faults of the text that all readers overlook."""
     from lxml import etree
 
-    element, faults = _read(data, file, "URDF", read_tree)
+    element, faults = _read(data, file, "URDF", overlook=True)
     node = Node(element, file)
     if None in element.nsmap and node.tag == "robot":
         for child in element.iter("*"):
@@ -192,14 +207,22 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
 
 
 def read_xml(data: bytes, file: str, what: str) -> Node:
-    """The root element. No entity, DTD or network; SourceError with the line otherwise.
+    """Return the root element, whatever version of XML the text states: `0.0` and `1` are common.
 
-    The parser's own bounds hold too: 256 levels, 10 MB per text. what: `URDF`, for messages.
+    what: `MJCF`, for messages.
     """
-    return Node(_read(data, file, what, _strictly), file)
+    match = _VERSION.match(data)
+    text = data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
+    return Node(_read(text, file, what, overlook=False)[0], file)
 
 
-def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
+def _read(
+    data: bytes, file: str, what: str, *, overlook: bool
+) -> tuple[Element, tuple[Fault, ...]]:
+    """Read XML without entity, DTD or network; raise SourceError with the line otherwise.
+
+    The parser's own bounds hold too: 256 levels, 10 MB per text.
+    """
     if len(data) > MAX_BYTES:
         size = f"{len(data) / 1e6:.0f} MB"
         raise SourceError(f"{size} of {what}; at most 64 MiB are read", where=Where(file))
@@ -210,20 +233,13 @@ def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
         message = "this is USD, which is no source of a robot"
         raise SourceError(message, where=Where(file), hint=hint)
     try:
-        return reader(data)
+        return read_tree(data, overlook=overlook)
     except NotXml as error:
         if error.doctype:
             hint = "a robot needs none: delete the <!DOCTYPE ...> and the entities it defines"
             where = Where(file, error.line)
             raise SourceError("a DOCTYPE is not allowed", where=where, hint=hint) from None
         raise _not_xml(error.message, error.line, file) from None
-
-
-def _strictly(data: bytes) -> _Element:
-    """Whatever version of XML it states: `0.0` and `1` stand in many files."""
-    match = _VERSION.match(data)
-    text = data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
-    return read_tree(text, overlook=False)[0]
 
 
 def _not_xml(message: str, line: int, file: str) -> SourceError:
@@ -245,7 +261,7 @@ def _refuse_xacro(root: Node) -> None:
     declared = (e for uri in XACRO for e in root.element.iter(f"{{{uri}}}*"))
     for element in (next(declared, None), next(undeclared, None)):
         if element is not None:
-            node = Node(element, root.file)
+            node = root.of(element)
             raise node.error(f"<{node.tag}> in a URDF", "this is a xacro file: expand it first")
 
 
@@ -288,37 +304,30 @@ HOME: Mapping[str, Home] = {
 """The format, by element."""
 
 
-def homeless(root: Node) -> dict[str, list[Node]]:
-    """The elements of each kind that the model has no place for, or that have such an attribute.
+def unread(root: Node) -> tuple[dict[str, list[Node]], list[Node]]:
+    """Return (what the model has no place for, by kind; elements that are misplaced).
 
-    Keys: `transmission`, `name of visual` for an attribute. Nothing below a homeless element
-    is looked at; `strays` are not among them.
+    Kinds: `transmission`, `name of visual` for an attribute. Nothing below such an element is
+    looked at. An element of the format is misplaced where the format has none of it: an
+    <inertial> in the <robot>.
     """
-    by_kind: dict[str, list[Node]] = {}
-    for node, others in _housed(root):
-        for name in node.element.attrib:
-            if name not in HOME[node.tag].attributes:
-                by_kind.setdefault(f"{_prefixed(str(name), None)} of {node.tag}", []).append(node)
-        for child in others:
-            if child.tag not in HOME:
-                by_kind.setdefault(child.tag, []).append(child)
-    return dict(sorted(by_kind.items()))
-
-
-def strays(root: Node) -> list[Node]:
-    """Elements of the format in a place where it has none of them: an <inertial> in the <robot>."""
-    return [child for _, others in _housed(root) for child in others if child.tag in HOME]
-
-
-def _housed(root: Node) -> Iterator[tuple[Node, list[Node]]]:
-    """Each element that stands where the model has a place for it, and its children that do not."""
+    homeless: dict[str, list[Node]] = {}
+    strays: list[Node] = []
     stack = [root]
     while stack:
         node = stack.pop()
-        children = HOME[node.tag].children
-        inside = [Node(child, node.file) for child in node.element.iterchildren("*")]
-        yield node, [child for child in inside if child.tag not in children]
-        stack += [child for child in inside if child.tag in children][::-1]
+        home = HOME[node.tag]
+        for name in map(str, node.element.attrib):
+            if name not in home.attributes:
+                homeless.setdefault(f"{_prefixed(name, None)} of {node.tag}", []).append(node)
+        inside = node.all("*")
+        for child in inside:
+            if child.tag not in HOME:
+                homeless.setdefault(child.tag, []).append(child)
+            elif child.tag not in home.children:
+                strays.append(child)
+        stack += [child for child in inside if child.tag in home.children][::-1]
+    return dict(sorted(homeless.items())), strays
 
 
 def _prefixed(tag: str, prefix: str | None) -> str:
