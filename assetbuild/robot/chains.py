@@ -106,6 +106,15 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
     return tuple(chains)
 
 
+def joint_rows(tree: Tree, shown: Collection[str]) -> dict[str, Chain]:
+    """The joints that move each body but the root, as MJCF has them: mostly a single one.
+
+    shown: as for `find_chains`. The links between the joints of a chain have rows too.
+    """
+    rows = {joint.child: Chain((joint,), ()) for joint in tree.joints}
+    return rows | {chain.body: chain for chain in find_chains(tree, shown)}
+
+
 def weighs(tree: Tree, body: str) -> bool:
     """Whether it has mass, or something that fixed joints hold to it: MuJoCo can move it then."""
     held = [body]

@@ -6,17 +6,17 @@ Mass, centre of mass and inertia stand on every body, so no geom and no mesh add
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Target
+from assetbuild.robot.chains import Chain
 from assetbuild.robot.closure import gaps
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
 from assetbuild.targets.mjcf.files import (
     explain_textures,
@@ -35,6 +35,12 @@ PLANAR_JOINT = Rule(
     "mjcf.planar_joint",
     "info",
     "a planar joint became two slides and a hinge, without limits",
+    "nothing",
+)
+CHAIN = Rule(
+    "mjcf.chain",
+    "info",
+    "joints with only massless links between them are joints of one body, which is exact",
     "nothing",
 )
 
@@ -65,7 +71,7 @@ class Mjcf(Target):
         write_xml(folder / "scene.xml", scene(model, self.robot))
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
-        yield from explain_chains(tree, shapes)
+        yield from _explain_chains(model.rows.values())
         yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)
         yield from explain_loops(tree, control)
@@ -87,6 +93,21 @@ def _explain_planar(tree: Tree) -> Iterator[Finding]:
             yield PLANAR_JOINT(
                 f"joint {joint.name}",
                 "MJCF has no planar joint: it becomes two slides and a hinge without limits",
+            )
+
+
+def _explain_chains(rows: Iterable[Chain]) -> Iterator[Finding]:
+    """One finding for each body with several joints."""
+    for chain in rows:
+        if chain.between:
+            joints = ", ".join(joint.name for joint in chain.joints)
+            links = ", ".join(chain.between)
+            yield CHAIN(
+                f"link {chain.body}",
+                f"carries {len(chain.joints)} joints ({joints}): the massless links between them "
+                f"({links}) are no bodies in the MJCF",
+                hint="the motion is exactly the same",
+                data={"links": chain.between},
             )
 
 

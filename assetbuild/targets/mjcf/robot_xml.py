@@ -6,6 +6,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from typing import Annotated, Literal
 from xml.etree.ElementTree import Element
 
@@ -13,13 +14,13 @@ from pydantic import AfterValidator, Field
 
 from assetbuild.errors import StepError
 from assetbuild.recipe_types import Model, Positive
+from assetbuild.robot.chains import axis_in_body, joint_rows
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of, vec3
 from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.classes import ClassNames
 from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
 from assetbuild.targets.mjcf.geoms import GeomElements
@@ -104,10 +105,22 @@ class RobotXml:
         # Bodies and joints in the order in which MuJoCo numbers them.
         self.order, self.joints = depth_first(tree.root, carried)
         self.body_names = body_names(tree)
-        self.seats = JointPlacement(tree, shapes)
+        # Each body's joints, outermost first, in the order in which MuJoCo applies them.
+        self.rows = joint_rows(tree, {shape.link for shape in shapes.shapes})
+        self.hidden = frozenset(link for row in self.rows.values() for link in row.between)
+        self.joint_poses = {
+            joint.name: pose
+            for name, row in self.rows.items()
+            if name not in self.hidden
+            for joint, pose in zip(row.joints, row.joint_poses, strict=True)
+        }
         limits = dict(control.soft_limits)
         rows = [
-            row_of(self.seats.seated(joint), control.drive_of(joint), limits.get(joint.name))
+            row_of(
+                replace(joint, axis=axis_in_body(joint, self.joint_poses[joint.name])),
+                control.drive_of(joint),
+                limits.get(joint.name),
+            )
             for joint in self.joints
             if joint in tree.moving_joints
         ]
@@ -120,7 +133,7 @@ class RobotXml:
         stated = {row.joint.name: row.attributes for row in rows}
         self.uses = {use.member: use for use in self.classes.uses(stated)}
         self.geoms = GeomElements(tree, shapes, control, roles, names)
-        refuse_hidden(control, self.seats.hidden)
+        refuse_hidden(control, self.hidden)
 
     def element(self, *, bare: bool = False) -> Element:
         """The root element; empty sections are left out, and keyframes when it is bare."""
@@ -130,7 +143,7 @@ class RobotXml:
             self.default(),
             self.asset(),
             self.worldbody(),
-            contact_section(self.tree, self.shapes, self.control, self.seats, self.body_names),
+            contact_section(self.tree, self.shapes, self.control, self.hidden, self.body_names),
             equality_section(self.joints, self.control, self.loop_sites),
             self.actuator(),
             sensor_section(self.control, self.body_names, self.drive_names),
@@ -153,7 +166,7 @@ class RobotXml:
     def compiler(self) -> Element:
         """Units, folders, and where mass may not come from."""
         textured = any(material.texture for material in self.shapes.materials)
-        written = [body for body in self.tree.bodies if body.name not in self.seats.hidden]
+        written = [body for body in self.tree.bodies if body.name not in self.hidden]
         massless = any(body.inertial is None for body in written)
         return element(
             "compiler",
@@ -246,9 +259,10 @@ class RobotXml:
             content[owner].append(part)
         made: dict[str | None, Element] = {None: element("worldbody", None, content[None])}
         for name in self.order:
-            if name not in self.seats.hidden:
+            if name not in self.hidden:
                 made[name] = element("body", self._body_attributes(name), content[name])
-                made[self.seats.parent(name)].append(made[name])
+                above = self.rows[name].parent if name in self.rows else None
+                made[above].append(made[name])
         return made[None]
 
     def _parts(self) -> Iterator[tuple[str | None, Element]]:
@@ -259,7 +273,7 @@ class RobotXml:
         if self.tree.base == "floating":
             yield self.tree.root, element("freejoint", {"name": "floating_base_joint"})
         for name in self.order:
-            for joint in self.seats.joints(name):
+            for joint in self.rows[name].joints if name in self.rows else ():
                 for part in self._elements_of(joint):
                     yield name, part
         yield from camera_elements(self.tree, self.control)
@@ -274,7 +288,7 @@ class RobotXml:
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
         is_root = name == self.tree.root
-        X_parent_body = self.resting_pose() if is_root else self.seats.pose_in_parent(name)
+        X_parent_body = self.resting_pose() if is_root else self.rows[name].pose_in_parent
         return {
             "name": self.body_names[name],
             "childclass": self.robot_class if is_root else None,
@@ -291,7 +305,7 @@ class RobotXml:
         return Pose((0.0, 0.0, base.xyz[2])) if base else Pose()
 
     def _elements_of(self, joint: Joint) -> list[Element]:
-        X_body_joint = self.seats.joint_pose(joint)
+        X_body_joint = self.joint_poses[joint.name]
         if joint.kind == "fixed":
             return []
         if joint.kind == "planar":

@@ -51,24 +51,15 @@ class DriveGroup:
     ranges: RandomJoint | None
 
 
-@dataclass(frozen=True)
-class Term:
-    """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
-
-    name: str
-    func: str
-    entity: str
-    params: Mapping[str, object]
-
-
-def terms(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> list[Term]:
-    """All terms in the order of the recipe. groups: as the module has them."""
-    return [
+def terms(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> str:
+    """The text of all terms in the order of the recipe. groups: as the module has them."""
+    made = [
         *_matter(randomize, tree),
         *_payloads(randomize, tree),
         *_joints(randomize, tree, groups),
         *_friction(randomize),
     ]
+    return "".join(made)
 
 
 def replaced(randomize: Randomize, tree: Tree) -> tuple[str, ...]:
@@ -110,10 +101,10 @@ def lost(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iter
         )
 
 
-def imports(event_terms: Sequence[Term]) -> list[str]:
+def imports(event_terms: str) -> list[str]:
     """Import lines that the terms need, each sorted into its module."""
     lines = ["from mjlab.managers.scene_entity_config import SceneEntityCfg"]
-    if any(term.func.startswith("dr.") for term in event_terms):
+    if "func=dr." in event_terms:
         lines.append("from mjlab.envs.mdp import dr")
     manager = ["EventTermCfg"]
     if carries(event_terms):
@@ -122,14 +113,13 @@ def imports(event_terms: Sequence[Term]) -> list[str]:
     return [*lines, f"from mjlab.managers.event_manager import {', '.join(manager)}"]
 
 
-def carries(event_terms: Sequence[Term]) -> bool:
+def carries(event_terms: str) -> bool:
     """Whether a term mounts a box, which needs torch and a function of the module's own."""
-    return any(term.func == CARRY for term in event_terms)
+    return f"func={CARRY}," in event_terms
 
 
-def events_text(event_terms: Sequence[Term]) -> str:
+def events_text(event_terms: str) -> str:
     """The function `randomize_events` of the module, and the term that mjlab has not."""
-    body = "".join(_term_text(term) for term in event_terms)
     carry_text = f"{CARRY_TEXT}\n\n\n" if carries(event_terms) else ""
     return f'''{carry_text}
 def randomize_events() -> dict[str, EventTermCfg]:
@@ -138,19 +128,20 @@ def randomize_events() -> dict[str, EventTermCfg]:
     The draws keep every inertia that of some matter; whether that fits into the link is asked by
     `assetbuild sample` alone. alpha is uniform, so a density is drawn log-uniformly.
     """
-    return {{{body}
+    return {{{event_terms}
     }}'''
 
 
-def _term_text(term: Term) -> str:
+def _term(name: str, func: str, entity: str, params: Mapping[str, object]) -> str:
+    """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
     pad = "\n" + " " * 16
-    params = "".join(f'{pad}"{key}": {_text_of(value)},' for key, value in term.params.items())
+    values = "".join(f'{pad}"{key}": {_text_of(value)},' for key, value in params.items())
     return f'''
-        "{term.name}": EventTermCfg(
+        "{name}": EventTermCfg(
             mode="startup",
-            func={term.func},
+            func={func},
             params={{
-                "asset_cfg": SceneEntityCfg("robot", {term.entity}),{params}
+                "asset_cfg": SceneEntityCfg("robot", {entity}),{values}
             }},
         ),'''
 
@@ -165,10 +156,10 @@ def _text_of(value: object) -> str:
     return f"({rows}\n{' ' * 16})"
 
 
-def _matter(randomize: Randomize, tree: Tree) -> Iterator[Term]:
+def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
     rows, written = first_match_groups(randomize.links, _massive(tree)), body_names(tree)
     for index, (_, matter, bodies) in enumerate(rows):
-        yield Term(
+        yield _term(
             f"matter_{index}",
             "dr.pseudo_inertia",
             _names("body_names", [written[name] for name in bodies]),
@@ -218,14 +209,14 @@ def _outer(vector):
     return vector[:, :, None] * vector[:, None, :]'''
 
 
-def _payloads(randomize: Randomize, tree: Tree) -> Iterator[Term]:
+def _payloads(randomize: Randomize, tree: Tree) -> Iterator[str]:
     for index, payload in _carried(randomize, tree):
         body, X_body_link = tree.placement(payload.link)
         box = move_inertial(homogeneous_box(1.0, payload.size, payload.at), X_body_link)
         rows = tuple(tuple(float(value) for value in row) for row in pseudo_inertia(box))
         params = {"mass_range": payload.mass, "box": rows}
         written = body_names(tree)[body]
-        yield Term(f"payload_{index}", CARRY, _names("body_names", (written,)), params)
+        yield _term(f"payload_{index}", CARRY, _names("body_names", (written,)), params)
 
 
 def _carried(randomize: Randomize, tree: Tree) -> list[tuple[int, RandomPayload]]:
@@ -252,34 +243,34 @@ def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
     return {"alpha_range": (math.log(low) / 2, math.log(high) / 2), **ranges}
 
 
-def _joints(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[Term]:
+def _joints(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[str]:
     rows = first_match_groups(randomize.joints, [joint.name for joint in tree.moving_joints])
     for index, (_, ranges, joints) in enumerate(rows):
         mine = [i for i, group in enumerate(groups) if set(group.joints) <= set(joints)]
         loops = [i for i in mine if groups[i].actuator.model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
             gains = {"kp_range": ranges.kp, "kd_range": ranges.kd}
-            yield Term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
+            yield _term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
         limited = [i for i in loops if groups[i].actuator.effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
             share = {"effort_limit_range": ranges.effort}
-            yield Term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)
+            yield _term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)
         names = _names("joint_names", joints)
         for key in ("damping", "friction", "armature"):
             factor = getattr(ranges, key)
             if factor != (1.0, 1.0):
                 scale = {"ranges": factor, "operation": "scale"}
-                yield Term(f"{key}_{index}", f"dr.joint_{key}", names, scale)
+                yield _term(f"{key}_{index}", f"dr.joint_{key}", names, scale)
         if ranges.encoder_bias:
             bias = {"bias_range": (-ranges.encoder_bias, ranges.encoder_bias)}
-            yield Term(f"encoder_bias_{index}", "dr.encoder_bias", names, bias)
+            yield _term(f"encoder_bias_{index}", "dr.encoder_bias", names, bias)
 
 
-def _friction(randomize: Randomize) -> Iterator[Term]:
+def _friction(randomize: Randomize) -> Iterator[str]:
     if randomize.friction is not None:
         drawn = {"ranges": randomize.friction, "operation": "abs"}
         params = {**drawn, "axes": [0], "shared_random": True}
-        yield Term("friction", "dr.geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
+        yield _term("friction", "dr.geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
 
 
 def _names(field: str, names: Sequence[str]) -> str:

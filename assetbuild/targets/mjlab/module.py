@@ -18,7 +18,6 @@ from assetbuild.robot.sections import Action
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjlab.events import (
     DriveGroup,
-    Term,
     carries,
     events_text,
     imports,
@@ -138,9 +137,9 @@ class ModuleFacts:
         return tuple(map(re.escape, joints))
 
     @cached_property
-    def events(self) -> list[Term]:
-        """The recipe's `randomize` in mjlab's terms."""
-        return terms(self.randomize, self.tree, self.groups) if self.randomize else []
+    def events(self) -> str:
+        """The recipe's `randomize` in mjlab's terms; "" without any."""
+        return terms(self.randomize, self.tree, self.groups) if self.randomize else ""
 
 
 def module_text(facts: ModuleFacts) -> str:
