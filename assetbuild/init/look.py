@@ -340,7 +340,8 @@ class Weighed:
         links, tree = self.robot.links, self.robot.tree
         bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
         wrong = {*beyond_reach(links, self.by_link)}
-        wrong |= {pair.wrong.name for pair in twins_apart(links, self.by_link) if pair.sure}
+        twins = twins_apart(links, self.by_link)
+        wrong |= {each.subject.removeprefix("link ") for each in twins if each.data["sure"]}
         beyond = beyond_reach(tree, self.by_body)
         wrong |= {link for body in beyond for link in self.robot.links_of(body)
                   if self._is_beyond(link, body)}  # fmt: skip

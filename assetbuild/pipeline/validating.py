@@ -30,7 +30,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.twins import parts_of, twins
+from assetbuild.robot.twins import twins
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Outcome, Setting
 from assetbuild.simulators.free_fall import fall_of
@@ -236,7 +236,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
         for step in (LintLinks(), merge, LintBodies()):
             yield from placed(ports.run(step))
         tree = RobotFiles(ports.folder).tree
-    yield from placed(mirror_findings(twins(parts_of(tree, Control())), Tolerances()))
+    yield from placed(mirror_findings(twins(tree, Control()), Tolerances()))
 
 
 def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:

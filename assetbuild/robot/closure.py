@@ -247,17 +247,7 @@ REACH = {True: 0.1, False: 1.5}
 
 def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
-    if not loops:
-        return robot.effective_inertia
-    basis = free_motions(loops, robot.bodies)
-    compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
-    compliance = compliance @ basis.T
-    inertias = {}
-    for name in robot.joints:
-        column = robot.column(name)
-        soft = float(compliance[column, column])
-        inertias[name] = 1.0 / soft if soft > 0.0 else np.inf
-    return inertias
+    return robot.effective_inertia(free_motions(loops, robot.bodies) if loops else None)
 
 
 def poses_along(

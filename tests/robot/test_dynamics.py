@@ -67,7 +67,7 @@ def test_the_mass_matrix_of_any_tree_is_mujocos(robot: TinyRobot) -> None:
 def test_a_pendulum_has_the_inertia_of_a_rod_about_its_end() -> None:
     found = dynamics(pendulum().tree, {"swing_joint": 0.5}, {"swing_joint": 0.25})
     rod = (0.02**2 + 0.5**2) / 12 + 0.25**2
-    assert found.effective_inertia["swing_joint"] == pytest.approx(rod + 0.25)
+    assert found.effective_inertia()["swing_joint"] == pytest.approx(rod + 0.25)
     torque, left = holding_torques(found, ())
     assert torque["swing_joint"] == pytest.approx(9.81 * 0.25 * math.sin(0.5))
     assert left == 0.0

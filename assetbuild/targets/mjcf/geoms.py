@@ -24,7 +24,9 @@ from assetbuild.targets.mjcf.classes import (
     FEWEST,
     ClassNames,
     DefaultClass,
+    Row,
     Use,
+    class_of,
     grouped,
     shared,
     shared_words,
@@ -41,11 +43,15 @@ _SURFACE_DEFAULTS: Mapping[str, str] = {"solref": "0.02 1", "solimp": "0.9 0.95 
 
 
 @dataclass(frozen=True)
-class GeomRow:
-    """A shape and what its geom says beyond its name and mesh."""
+class GeomRow(Row):
+    """What the geom of a shape says beyond its name and mesh. link: that carries it."""
 
-    shape: Shape
-    attributes: Mapping[str, str]
+    link: str
+
+    @property
+    def said(self) -> Mapping[str, str]:
+        """The attributes of the geom."""
+        return self.attributes["geom"]
 
 
 class GeomElements:
@@ -74,8 +80,7 @@ class GeomElements:
             if rows:
                 role_class = _role_class(roles[role], always, rows, names)
                 self.classes.append(role_class)
-                stated = {row.shape.name: {"geom": row.attributes} for row in rows}
-                self._uses |= {use.member: use for use in role_class.uses(stated)}
+                self._uses |= role_class.uses()
 
     def geom(self, shape: Shape) -> Element:
         """One geom, with only what its class does not say."""
@@ -101,7 +106,8 @@ def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> 
         attributes["material"] = shape.material or None
     else:
         attributes |= _surface(contact, above)
-    return GeomRow(shape, {key: value for key, value in attributes.items() if value is not None})
+    said = {key: value for key, value in attributes.items() if value is not None}
+    return GeomRow(shape.name, {"geom": said}, shape.link)
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:
@@ -132,49 +138,43 @@ def _role_class(
     name: str, fixed: Mapping[str, str], rows: Sequence[GeomRow], names: ClassNames
 ) -> DefaultClass:
     """The class of one role. fixed: what it says in any case (group, masks of visuals)."""
-    stated = [row.attributes for row in rows]
     common = {**fixed, **_shared(rows, fixed)}
-    common |= {**usual(stated, "type"), **usual(stated, "material", most=False)}
-    children, placed = [], set[str]()
+    common |= usual(rows, "geom", "type") | usual(rows, "geom", "material", most=False)
+    children, placed = list[DefaultClass](), set[str]()
     for key, least, suffix in (
         (_by_surface, FEWEST, ""),
         (_by_size, FAMILY_MEMBERS, f"_{name}"),
         (_by_place, FAMILY_MEMBERS, f"_{name}"),
     ):
         for group in grouped(rows, partial(key, common)):
-            free = [row for row in group if row.shape.name not in placed]
+            free = [row for row in group if row.name not in placed]
             attributes = _shared(free, common)
             if len(free) < least or not attributes:
                 continue
-            words = shared_words([row.shape.link for row in free]) or "other"
+            words = shared_words([row.link for row in free]) or "other"
             wanted = f"{words}_{name}" if words in names else f"{words}{suffix}"
-            class_name = names.take(wanted, f"{free[0].shape.link}_{name}")
-            children.append(DefaultClass(class_name, {"geom": attributes}, _names_of(free)))
-            placed.update(_names_of(free))
-    rest = [row for row in rows if row.shape.name not in placed]
-    return DefaultClass(name, {"geom": common}, _names_of(rest), tuple(children))
-
-
-def _names_of(rows: Sequence[GeomRow]) -> tuple[str, ...]:
-    return tuple(row.shape.name for row in rows)
+            class_name = names.take(wanted, f"{free[0].link}_{name}")
+            children.append(DefaultClass(class_name, {"geom": attributes}, free))
+            placed.update(row.name for row in free)
+    return class_of(name, {"geom": common}, rows, children)
 
 
 def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, str]:
-    return shared([{"geom": row.attributes} for row in rows], {"geom": above}).get("geom", {})
+    return shared(rows, {"geom": above}).get("geom", {})
 
 
 def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """What the surface says that not all say."""
-    items = {item for item in row.attributes.items() - common.items() if item[0] in _SURFACE}
+    items = {item for item in row.said.items() - common.items() if item[0] in _SURFACE}
     return frozenset(items) or None
 
 
 def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:
-    items = {item for item in row.attributes.items() - common.items() if item[0] not in _PLACE}
+    items = {item for item in row.said.items() - common.items() if item[0] not in _PLACE}
     return frozenset(items) if "size" in dict(items) else None
 
 
 def _by_place(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """The pieces of one link that stand in one place of its body, which is not the origin."""
-    place = {item for item in row.attributes.items() - common.items() if item[0] in _PLACE}
-    return (row.shape.link, frozenset(place)) if place else None
+    place = {item for item in row.said.items() - common.items() if item[0] in _PLACE}
+    return (row.link, frozenset(place)) if place else None

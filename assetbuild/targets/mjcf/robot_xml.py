@@ -130,8 +130,7 @@ class RobotXml:
         self.robot_class = names.take(robot)
         roles = {role: names.take(role) for role in ("visual", "collision")}
         self.classes = joint_classes(self.robot_class, rows, names)
-        stated = {row.joint.name: row.attributes for row in rows}
-        self.uses = {use.member: use for use in self.classes.uses(stated)}
+        self.uses = self.classes.uses()
         self.geoms = GeomElements(tree, shapes, control, roles, names)
         refuse_hidden(control, self.hidden)
 
@@ -330,7 +329,7 @@ class RobotXml:
         """One drive per driven joint, in the order of the joints."""
         made = element("actuator")
         for row in self.driven:
-            joint, use = row.joint.name, self.uses[row.joint.name]
+            joint, use = row.name, self.uses[row.name]
             head = {"name": self.drive_names[joint], "class": use.class_name, "joint": joint}
             made.append(element(row.drive, {**head, **use.left[row.drive]}))
         return made
@@ -360,7 +359,7 @@ class RobotXml:
         """Position drives aim at the pose, all others at rest."""
         values = dict(key.joints)
         aims = {row.joint: row.gear for row in self.control.actuators if row.model == "pd"}
-        names = (row.joint.name for row in self.driven)
+        names = (row.name for row in self.driven)
         return [values.get(name, 0.0) * aims.get(name, 0.0) for name in names]
 
 
