@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -28,6 +28,7 @@ from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
+from assetbuild.targets.isaaclab.events import call
 from assetbuild.targets.isaaclab.script import script
 
 NO_USD = Rule(
@@ -279,7 +280,7 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         # In degrees per second here, as in the USD.
         turning = {"max_angular_velocity": math.degrees(rigid.max_angular_velocity)}
         name = "sim_utils.RigidBodyPropertiesCfg" if old else "PhysxRigidBodyCfg"
-        return _call(name, _fields(rigid.model_dump() | turning), 2)
+        return call(name, _fields(rigid.model_dump() | turning), 2)
 
     def _articulation(self) -> str:
         solver = self.target.usd.articulation.solving(self.control.loops)
@@ -291,10 +292,10 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             "stabilization_threshold": solver.stabilization_threshold,
         }
         if self.generation == 2:
-            return _call("sim_utils.ArticulationRootPropertiesCfg", _fields(values), 2)
-        physx = _call("PhysxArticulationCfg", _fields(values), 3)
+            return call("sim_utils.ArticulationRootPropertiesCfg", _fields(values), 2)
+        physx = call("PhysxArticulationCfg", _fields(values), 3)
         newton = f"NewtonArticulationCfg(self_collision_enabled={solver.self_collisions!r})"
-        return _call("", (physx, newton), 2, "[]")
+        return call("", (physx, newton), 2, "[]")
 
     def _base(self, start: Keyframe) -> str:
         # A fixed root too: at a reset Isaac Lab puts it here, wherever the asset had it.
@@ -335,9 +336,9 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             groups.setdefault((numbers, self._delay(actuator)), []).append(actuator)
         for index, members in enumerate(groups.values()):
             first = members[0]
-            listed = _call("joint_names_expr=", (pattern(names[a.joint]) for a in members), 3, "[]")
-            call = _call(self._class_of(first), (listed, *_fields(self._values(first))), 2)
-            yield f'"{first.motor or first.model}_{index}": {call}'
+            listed = call("joint_names_expr=", (pattern(names[a.joint]) for a in members), 3, "[]")
+            config = call(self._class_of(first), (listed, *_fields(self._values(first))), 2)
+            yield f'"{first.motor or first.model}_{index}": {config}'
 
     def _values(self, actuator: Actuator) -> dict[str, object]:
         inside = CLASSES[actuator.model] == "ImplicitActuatorCfg"
@@ -371,10 +372,3 @@ def pattern(name: str) -> str:
 
 def _fields(values: Mapping[str, object]) -> list[str]:
     return [f"{key}={value!r}" for key, value in values.items()]
-
-
-def _call(name: str, arguments: Iterable[str], depth: int, brackets: str = "()") -> str:
-    """`name(` ... `)` on a line that is `depth` times indented, a line for each argument."""
-    pad = "    " * depth
-    inner = "".join(f"\n{pad}    {argument}," for argument in arguments)
-    return f"{name}{brackets[0]}{inner}\n{pad}{brackets[1]}"

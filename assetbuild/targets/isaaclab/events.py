@@ -8,7 +8,7 @@ inertia as if the body had become denser, which is wrong for a box on top of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
@@ -79,17 +79,19 @@ class EventCfg:
 {"".join(terms)}'''
 
 
+def call(head: str, arguments: Iterable[str], depth: int, brackets: str = "()") -> str:
+    """`head(` ... `)` on a line that is `depth` times indented, a line for each argument."""
+    pad = "    " * depth
+    inner = "".join(f"\n{pad}    {argument}," for argument in arguments)
+    return f"{head}{brackets[0]}{inner}\n{pad}{brackets[1]}"
+
+
 def _term(name: str, func: str, entity: str, **params: object) -> str:
-    literals = {key: repr(value).replace("'", '"') for key, value in params.items()}
-    listed = "".join(f'\n            "{key}": {value},' for key, value in literals.items())
-    return f"""
-    {name} = EventTermCfg(
-        func=mdp.{func},
-        mode="startup",
-        params={{
-            "asset_cfg": {entity},{listed}
-        }},
-    )"""
+    literals = [f'"{key}": {value!r}'.replace("'", '"') for key, value in params.items()]
+    values = call("params=", (f'"asset_cfg": {entity}', *literals), 2, "{}")
+    return "\n    " + call(
+        f"{name} = EventTermCfg", (f"func=mdp.{func}", 'mode="startup"', values), 1
+    )
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:

@@ -27,7 +27,7 @@ from assetbuild.robot.ranges import (
     per_axis,
 )
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjlab.text import exactly, literal
+from assetbuild.targets.mjlab.text import block, exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
 """Models whose gains and effort limit mjlab's terms can scale."""
@@ -134,26 +134,19 @@ def randomize_events() -> dict[str, EventTermCfg]:
 
 def _term(name: str, func: str, entity: str, params: Mapping[str, object]) -> str:
     """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
-    pad = "\n" + " " * 16
-    values = "".join(f'{pad}"{key}": {_text_of(value)},' for key, value in params.items())
-    return f'''
-        "{name}": EventTermCfg(
-            mode="startup",
-            func={func},
-            params={{
-                "asset_cfg": SceneEntityCfg("robot", {entity}),{values}
-            }},
-        ),'''
+    values = [f'"{key}": {_text_of(value)}' for key, value in params.items()]
+    values.insert(0, f'"asset_cfg": SceneEntityCfg("robot", {entity})')
+    fields = ['mode="startup"', f"func={func}", block("params=", values, 12, "{}")]
+    return "\n        " + block(f'"{name}": EventTermCfg', fields, 8) + ","
 
 
 def _text_of(value: object) -> str:
     """A literal; of a matrix a line for each row."""
     if isinstance(value, str):
         return literal(value)
-    if not (isinstance(value, tuple) and isinstance(value[0], tuple)):
-        return repr(value)
-    rows = "".join(f"\n{' ' * 20}{row!r}," for row in value)
-    return f"({rows}\n{' ' * 16})"
+    if isinstance(value, tuple) and isinstance(value[0], tuple):
+        return block("", map(repr, value), 16)
+    return repr(value)
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
@@ -274,5 +267,4 @@ def _friction(randomize: Randomize) -> Iterator[str]:
 
 
 def _names(field: str, names: Sequence[str]) -> str:
-    listed = "".join(f"\n                    {exactly(name)}," for name in names)
-    return f"{field}=({listed}\n                )"
+    return block(f"{field}=", map(exactly, names), 16)

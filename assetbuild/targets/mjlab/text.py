@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 
 def literal(value: str) -> str:
@@ -13,24 +14,11 @@ def literal(value: str) -> str:
     return f'"{escaped[1:-1]}"' if escaped[0] == "'" and '"' not in value else escaped
 
 
-def tuple_of(values: tuple[str, ...]) -> str:
-    """A tuple of strings, a line for each."""
-    if not values:
-        return "()"
-    inner = "".join(f"\n    {literal(value)}," for value in values)
-    return f"({inner}\n)"
-
-
-def dict_of(values: dict[str, float], indent: int = 0, *, escape: bool = False) -> str:
-    """A dict of numbers; escape: its keys are regular expressions that match these names."""
-    if not values:
-        return "{}"
-    pad = " " * (indent + 4)
-    inner = "".join(
-        f"\n{pad}{literal(re.escape(name) if escape else name)}: {value!r},"
-        for name, value in values.items()
-    )
-    return f"{{{inner}\n{' ' * indent}}}"
+def block(head: str, items: Iterable[str], indent: int = 0, brackets: str = "()") -> str:
+    """`head(` ... `)` on a line indented by so many spaces, with a line for each item."""
+    pad = "\n" + " " * indent
+    lines = "".join(f"{pad}    {item}," for item in items)
+    return f"{head}{brackets[0]}{lines}{pad if lines else ''}{brackets[1]}"
 
 
 def exactly(name: str) -> str:
