@@ -113,10 +113,7 @@ class Joint:
     @property
     def range(self) -> tuple[float, float] | None:
         """(lower, upper), rad or m, where it has both."""
-        lower, upper = self.limits.lower, self.limits.upper
-        if self.kind == "continuous" or lower is None or upper is None:
-            return None
-        return lower, upper
+        return self.bounds if all(map(math.isfinite, self.bounds)) else None
 
     @property
     def is_locked(self) -> bool:

@@ -155,7 +155,6 @@ class IsaacLab(Target):
             yield NO_USD(
                 "recipe targets",
                 "the modules spawn `usd/`, which the bundle does not hold",
-                hint="add `usd` to the targets",
             )
         lost = [a.joint for a in control.actuators if a.model == "general"]
         if lost:

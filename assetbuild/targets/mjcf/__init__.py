@@ -22,6 +22,7 @@ from assetbuild.targets.mjcf.files import (
     explain_textures,
     readable,
     refuse_name,
+    robot_element,
     write_robot,
     write_xml,
 )
@@ -67,7 +68,8 @@ class Mjcf(Target):
         looks = readable(shapes, meshes, control.mjcf_only)
         model = RobotXml(self.robot, self.options, tree, looks, control)
         folder = files.outputs / "mjcf"
-        write_robot(folder / f"{self.robot}.xml", model, control.mjcf_only, meshes)
+        root = robot_element(model, control.mjcf_only)
+        write_robot(folder / f"{self.robot}.xml", root, looks, meshes)
         write_xml(folder / "scene.xml", scene(model, self.robot))
         yield from _explain_names(tree)
         yield from _explain_planar(tree)

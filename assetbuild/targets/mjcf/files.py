@@ -78,39 +78,27 @@ def explain_textures(shapes: Shapes, folder: Path) -> Iterator[Finding]:
         )
 
 
-def write_robot(path: Path, model: RobotXml, opaque: tuple[MjcfOnly, ...], meshes: Path) -> None:
+def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None:
     """The robot's own file, and beside it the meshes and pictures that its shapes name.
 
-    opaque: what only MJCF says; meshes: folder of the built ones.
+    meshes: folder of the built ones. MuJoCo reads three channels of a picture unless it is told.
     """
-    root = robot_element(model, opaque)
-    keep_transparency(root, meshes)
-    write_xml(path, root)
-    copy_assets(path.parent, model.shapes, meshes)
-
-
-def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
-    """The root element of the robot's own file. bare: without keyframes."""
-    root = model.element(bare=bare)
-    add_opaque(root, opaque, model.body_names)
-    return root
-
-
-def keep_transparency(root: Element, meshes: Path) -> None:
-    """State four channels for pictures that have them: MuJoCo reads three unless it is told."""
     for texture in root.iter("texture"):
         if has_holes((meshes / texture.attrib["file"]).read_bytes()):
             texture.set("nchannel", "4")
-
-
-def copy_assets(folder: Path, shapes: Shapes, meshes: Path) -> None:
-    """The meshes and pictures that shapes name, below a folder. meshes: folder of built ones."""
-    assets = folder / "assets"
+    write_xml(path, root)
     wanted = {asset.file for asset in shapes.meshes}
     wanted |= {material.texture for material in shapes.materials if material.texture}
     for name in sorted(wanted):
-        assets.mkdir(exist_ok=True)
-        shutil.copyfile(meshes / name, assets / name)
+        (path.parent / "assets").mkdir(exist_ok=True)
+        shutil.copyfile(meshes / name, path.parent / "assets" / name)
+
+
+def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
+    """The root element of the robot's own file. opaque: what only MJCF says; bare: no keyframes."""
+    root = model.element(bare=bare)
+    add_opaque(root, opaque, model.body_names)
+    return root
 
 
 def write_xml(path: Path, root: Element) -> None:

@@ -23,14 +23,7 @@ from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sections import IMU_NAMES, ImuKind
 from assetbuild.robot.shapes import Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.targets.mjcf.files import (
-    copy_assets,
-    keep_transparency,
-    readable,
-    refuse_name,
-    robot_element,
-    write_xml,
-)
+from assetbuild.targets.mjcf.files import readable, refuse_name, robot_element, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
 from assetbuild.targets.mjlab.module import Foot, MjlabOptions, ModuleFacts, module_text
@@ -127,9 +120,7 @@ class Mjlab(Target):
         path = folder / "mjcf" / f"{self.robot}_bare.xml"
         root = robot_element(model, opaque, bare=True)
         renamed = name_collisions(root, {shape.name for shape in shapes.of("visual")})
-        keep_transparency(root, meshes)
-        write_xml(path, root)
-        copy_assets(path.parent, shapes, meshes)
+        write_robot(path, root, shapes, meshes)
         feet = [replace(f, geoms=tuple(renamed.get(g, g) for g in f.geoms)) for f in facts.feet]
         feet.sort(key=lambda foot: model.order.index(foot.body))
         facts = replace(facts, feet=tuple(feet))

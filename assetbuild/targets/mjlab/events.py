@@ -23,7 +23,6 @@ from assetbuild.robot.ranges import (
     RandomJoint,
     RandomMatter,
     RandomPayload,
-    first_match_groups,
     per_axis,
 )
 from assetbuild.simulators.mujoco import body_names
@@ -65,9 +64,7 @@ def terms(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> str
 def replaced(randomize: Randomize, tree: Tree) -> tuple[str, ...]:
     """Events of mjlab's velocity task that say what the recipe says."""
     names = []
-    if any(
-        tree.root in bodies for _, _, bodies in first_match_groups(randomize.links, _massive(tree))
-    ):
+    if any(tree.root in bodies for _, _, bodies in randomize.of_bodies(tree)):
         names.append("base_com")
     if any(ranges.encoder_bias for ranges in randomize.joints.values()):
         names.append("encoder_bias")
@@ -81,9 +78,7 @@ def lost(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iter
     without = []
     if len(_carried(randomize, tree)) < len(randomize.payloads):
         without.append("payloads on bodies without mass")
-    for _, ranges, joints in first_match_groups(
-        randomize.joints, [j.name for j in tree.moving_joints]
-    ):
+    for _, ranges, joints in randomize.of_joints(tree):
         scaled = {key for key in ("kp", "kd", "effort") if getattr(ranges, key) != (1.0, 1.0)}
         drives = [group.actuator for group in groups if {*group.joints} & {*joints}]
         if scaled and any(a.model not in WITH_GAINS for a in drives):
@@ -150,8 +145,8 @@ def _text_of(value: object) -> str:
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
-    rows, written = first_match_groups(randomize.links, _massive(tree)), body_names(tree)
-    for index, (_, matter, bodies) in enumerate(rows):
+    written = body_names(tree)
+    for index, (_, matter, bodies) in enumerate(randomize.of_bodies(tree)):
         yield _term(
             f"matter_{index}",
             "dr.pseudo_inertia",
@@ -214,16 +209,12 @@ def _payloads(randomize: Randomize, tree: Tree) -> Iterator[str]:
 
 def _carried(randomize: Randomize, tree: Tree) -> list[tuple[int, RandomPayload]]:
     """Those on bodies that MuJoCo knows as matter."""
-    massive = set(_massive(tree))
+    massive = {body.name for body in tree.bodies if not body.is_massless}
     return [
         (index, payload)
         for index, payload in enumerate(randomize.payloads)
         if tree.placement(payload.link)[0] in massive
     ]
-
-
-def _massive(tree: Tree) -> list[str]:
-    return [b.name for b in tree.bodies if b.inertial is not None and b.inertial.mass_kg > 0.0]
 
 
 def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
@@ -237,8 +228,7 @@ def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
 
 
 def _joints(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[str]:
-    rows = first_match_groups(randomize.joints, [joint.name for joint in tree.moving_joints])
-    for index, (_, ranges, joints) in enumerate(rows):
+    for index, (_, ranges, joints) in enumerate(randomize.of_joints(tree)):
         mine = [i for i, group in enumerate(groups) if set(group.joints) <= set(joints)]
         loops = [i for i in mine if groups[i].actuator.model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):

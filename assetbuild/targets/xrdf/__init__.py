@@ -148,7 +148,6 @@ class Xrdf(Target):
             yield NO_URDF(
                 "recipe targets",
                 "the XRDF names links and joints of `urdf/`, which the bundle does not hold",
-                hint="add `urdf` to the targets",
             )
         for key in ("acceleration", "jerk"):
             bare = [joint for joint in planned if self._limit(key, joint) is None]
