@@ -100,6 +100,11 @@ def first_match(table: Mapping[str, Ranges], name: str) -> Ranges | None:
     return next((value for pattern, value in table.items() if re.fullmatch(pattern, name)), None)
 
 
+def by_joint(table: Ranges | Mapping[str, Ranges], joint: str) -> Ranges | None:
+    """What holds for a joint: the same for all, or that of the first pattern that matches."""
+    return first_match(table, joint) if isinstance(table, Mapping) else table
+
+
 def first_match_groups(table: Mapping[str, Ranges], names: Iterable[str]) -> list[Group[Ranges]]:
     """The rows of a table in its order; none without names."""
     left, rows = list(names), []

@@ -20,6 +20,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.recipe_types import Model, NonNegative
+from assetbuild.robot.actuator_table import without_stall
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import as_drives
@@ -175,15 +176,7 @@ class IsaacLab(Target):
                 severity="error" if lost_rest else "info",
                 data={"stiffness": spring.stiffness, "rest": spring.rest},
             )
-        unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
-        if unstated:
-            yield SATURATION(
-                f"actuator {unstated[0]}",
-                f"the table states no stall torque: {len(unstated)} joints take their effort limit "
-                "for it, so half of the torque is left at half of the velocity limit",
-                hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
-                data={"joints": tuple(unstated)},
-            )
+        yield from without_stall(SATURATION, control.actuators)
 
 
 # --- the text of a module ------------------------------------------------------------------------

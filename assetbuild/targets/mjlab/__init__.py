@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import RecipeView, Target
+from assetbuild.robot.actuator_table import without_stall
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
@@ -186,7 +187,7 @@ class Mjlab(Target):
                 hint="use pd, ideal_pd, dc_motor, velocity or motor",
                 data={"joints": tuple(undriven)},
             )
-        yield from _saturation(control)
+        yield from without_stall(SATURATION, control.actuators)
         if self.randomize is not None:
             yield from lost(self.randomize, tree, facts.groups)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
@@ -226,18 +227,6 @@ def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
             f"{len(renamed)} collision geoms have other names in the bare MJCF, where mjlab's "
             f"configs look for `*_collision`: `{name}` is `{new}`",
             data={"geoms": tuple(renamed), "names": tuple(renamed.values())},
-        )
-
-
-def _saturation(control: Control) -> Iterator[Finding]:
-    unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
-    if unstated:
-        yield SATURATION(
-            f"actuator {unstated[0]}",
-            f"the table states no stall torque: {len(unstated)} joints take their effort limit for "
-            "it, so half of the torque is left at half of the velocity limit",
-            hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
-            data={"joints": tuple(unstated)},
         )
 
 
