@@ -110,60 +110,54 @@ class Mjlab(Target):
         meshes = robot.mesh_dir
         shapes = readable(shapes, meshes, control.mjcf_only)
 
-        facts = self._facts(tree, shapes, control)
-        looked_at = (*(sole.link for sole in self._soles(shapes)), facts.imu_site)
+        imu_site, soles = self.imu or tree.root, self._soles(shapes)
+        looked_at = (*(sole.link for sole in soles), imu_site)
         sites = [link for link in looked_at if link in tree.by_body]
-        model = RobotXml(
-            self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
-        )
+        bare = self._bare(tree, control, imu_site)
+        model = RobotXml(self.robot, None, tree, shapes, bare, sites=sites)
         folder = files.outputs / "mjlab"
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         path = folder / "mjcf" / f"{self.robot}_bare.xml"
         root = robot_element(model, opaque, bare=True)
         renamed = name_collisions(root, {shape.name for shape in shapes.of("visual")})
         write_robot(path, root, shapes, meshes)
-        feet = [replace(f, geoms=tuple(renamed.get(g, g) for g in f.geoms)) for f in facts.feet]
-        feet.sort(key=lambda foot: model.order.index(foot.body))
-        facts = replace(facts, feet=tuple(feet))
+        feet = sorted(
+            _feet(tree, soles, control, renamed), key=lambda foot: model.order.index(foot.body)
+        )
+        facts = ModuleFacts(
+            robot=self.robot,
+            tree=tree,
+            control=control,
+            rows=self.rows,
+            feet=tuple(feet),
+            imu_site=imu_site,
+            options=self.options,
+            randomize=self.randomize,
+        )
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")
         yield from self._explain(tree, control, facts)
         yield from _renamed(renamed)
 
-    def _facts(self, tree: Tree, shapes: Shapes, control: Control) -> ModuleFacts:
-        return ModuleFacts(
-            robot=self.robot,
-            tree=tree,
-            control=control,
-            rows=self.rows,
-            feet=_feet(tree, self._soles(shapes), control),
-            imu_site=self.imu or tree.root,
-            options=self.options,
-            randomize=self.randomize,
-        )
-
     def _soles(self, shapes: Shapes) -> list[Shape]:
         """Collision shapes of the links that the robot stands on."""
         solid = shapes.of("collision")
         return [s for s in solid if self.feet and re.fullmatch(self.feet, s.link)]
 
-    def _bare(self, tree: Tree, control: Control, facts: ModuleFacts) -> Control:
+    def _bare(self, tree: Tree, control: Control, imu_site: str) -> Control:
         """Without drives; what the module states for driven joints is not in the XML too."""
         drives = tuple(
             a if a.model == "passive" else Actuator(a.joint, "passive") for a in control.actuators
         )
-        return replace(control, actuators=drives, sensors=self._sensors(tree, control, facts))
-
-    def _sensors(self, tree: Tree, control: Control, facts: ModuleFacts) -> tuple[Sensor, ...]:
-        """The robot's own, and those that mjlab's velocity task looks for."""
-        robot_sensors = [s for s in control.sensors if not _of_mjlab(s)]
-        there = {sensor.name for sensor in robot_sensors}
-        at = Place("frame", facts.imu_site)
+        # Sensors of the robot win over those of their names that mjlab's velocity task wants.
+        at = Place("frame", imu_site)
         wanted = [Sensor(IMU_NAMES[kind], kind, at) for kind in TASK_SENSORS]
         wanted.append(Sensor("root_angmom", "subtreeangmom", Place("body", tree.root)))
-        floating = wanted if tree.base == "floating" else []
-        return (*robot_sensors, *(sensor for sensor in floating if sensor.name not in there))
+        sensors = {sensor.name: sensor for sensor in control.sensors if not _of_mjlab(sensor)}
+        for sensor in wanted if tree.base == "floating" else ():
+            sensors.setdefault(sensor.name, sensor)
+        return replace(control, actuators=drives, sensors=tuple(sensors.values()))
 
     def _explain(self, tree: Tree, control: Control, facts: ModuleFacts) -> Iterator[Finding]:
         if tree.base == "floating" and self.imu is None:
@@ -200,8 +194,13 @@ class Mjlab(Target):
             )
 
 
-def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
-    """A foot for each body that has soles, however many; its site is at the lowest link of them."""
+def _feet(
+    tree: Tree, soles: list[Shape], control: Control, renamed: Mapping[str, str]
+) -> Iterator[Foot]:
+    """A foot for each body that has soles, however many; its site is at the lowest link of them.
+
+    renamed: geoms of the bare MJCF by the names of their shapes, where they differ.
+    """
     start = initial_pose(tree, control)
     X_root_body = forward_kinematics(tree, dict(start.joints))
 
@@ -213,10 +212,9 @@ def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
     by_body: dict[str, list[Shape]] = {}
     for sole in soles:
         by_body.setdefault(tree.placement(sole.link)[0], []).append(sole)
-    return tuple(
-        Foot(body, min(foot_soles, key=height).link, tuple(sole.name for sole in foot_soles))
-        for body, foot_soles in by_body.items()
-    )
+    for body, foot_soles in by_body.items():
+        geoms = tuple(renamed.get(sole.name, sole.name) for sole in foot_soles)
+        yield Foot(body, min(foot_soles, key=height).link, geoms)
 
 
 def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
