@@ -38,7 +38,9 @@ from assetbuild.targets.mjcf.xml import direction, element, exact, number, numbe
 
 SITE_GROUP = "4"
 NAME = re.compile(r"""\bname="([^"]*)\"""")
-DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
+USUAL = {"gravity": "0 0 -9.81", "cone": "pyramidal", "solver": "Newton", "impratio": "1",
+         "tolerance": "1e-08"}  # fmt: skip
+"""MuJoCo's own options."""
 
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
@@ -188,23 +190,19 @@ class RobotXml:
         simulation, solver = self.control.simulation, self.options
         if solver is None:
             return element("option")
-        gravity = simulation.gravity
         cone = solver.cone or "elliptic"
-        impratio = solver.impratio or (50.0 if cone == "elliptic" else 1.0)
-        return element(
-            "option",
-            {
-                "timestep": number(simulation.timestep),
-                "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
-                "integrator": solver.integrator,
-                "cone": cone if cone != "pyramidal" else None,
-                "solver": solver.solver if solver.solver != "Newton" else None,
-                "iterations": str(solver.iterations) if solver.iterations else None,
-                "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
-                "impratio": number(impratio) if impratio != 1.0 else None,
-                "tolerance": number(solver.tolerance) if solver.tolerance != 1e-8 else None,
-            },
-        )
+        stated = {
+            "timestep": number(simulation.timestep),
+            "gravity": numbers(simulation.gravity),
+            "integrator": solver.integrator,
+            "cone": cone,
+            "solver": solver.solver,
+            "iterations": str(solver.iterations or ""),
+            "ls_iterations": str(solver.ls_iterations or ""),
+            "impratio": number(solver.impratio or (50.0 if cone == "elliptic" else 1.0)),
+            "tolerance": number(solver.tolerance),
+        }
+        return element("option", {k: v for k, v in stated.items() if v not in ("", USUAL.get(k))})
 
     def default(self) -> Element:
         """The tree of classes, see `classes`."""

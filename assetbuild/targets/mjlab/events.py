@@ -11,7 +11,8 @@ joints.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding, Rule
@@ -26,7 +27,6 @@ from assetbuild.robot.ranges import (
     per_axis,
 )
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjlab.text import block, exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
 """Models whose gains and effort limit mjlab's terms can scale."""
@@ -258,3 +258,26 @@ def _friction(randomize: Randomize) -> Iterator[str]:
 
 def _names(field: str, names: Sequence[str]) -> str:
     return block(f"{field}=", map(exactly, names), 16)
+
+
+# --- literals ------------------------------------------------------------------------------------
+
+
+def literal(value: str) -> str:
+    """A string literal: raw where a backslash would need two."""
+    if "\\" in value and not value.endswith("\\") and '"' not in value and "\n" not in value:
+        return f'r"{value}"'
+    escaped = repr(value)
+    return f'"{escaped[1:-1]}"' if escaped[0] == "'" and '"' not in value else escaped
+
+
+def block(head: str, items: Iterable[str], indent: int = 0, brackets: str = "()") -> str:
+    """`head(` ... `)` on a line indented by so many spaces, with a line for each item."""
+    pad = "\n" + " " * indent
+    lines = "".join(f"{pad}    {item}," for item in items)
+    return f"{head}{brackets[0]}{lines}{pad if lines else ''}{brackets[1]}"
+
+
+def exactly(name: str) -> str:
+    """A literal of the regular expression that matches this name alone."""
+    return literal(re.escape(name))

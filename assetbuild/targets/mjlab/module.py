@@ -18,13 +18,15 @@ from assetbuild.robot.sections import Action
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjlab.events import (
     DriveGroup,
+    block,
     carries,
     events_text,
+    exactly,
     imports,
+    literal,
     replaced,
     terms,
 )
-from assetbuild.targets.mjlab.text import block, exactly, literal
 
 Spread = tuple[Positive, Positive]
 
