@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import functools
 import json
-import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -276,10 +275,7 @@ def _plain_pose(pose: Pose) -> dict[str, object]:
 
 
 def _joint(joint: Joint) -> dict[str, object]:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous" or lower is None or upper is None or not lower < upper:
-        upper = 1.0 if joint.kind == "prismatic" else math.pi
-        lower = -upper
+    lower, upper = joint.shown_range
     has_axis = joint.kind in ("revolute", "continuous", "prismatic")
     mimic = joint.mimic
     return {

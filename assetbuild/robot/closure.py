@@ -201,9 +201,7 @@ def locked_joints(
         }
         solution = close(tree, loops, {**q, **moved}, names, 1)
         if solution.closed:
-            locked = tuple(
-                j for j in locked if j in _still(tree, loops, solution.positions, locked)
-            )
+            locked = _still(tree, loops, solution.positions, locked)
     return locked
 
 

@@ -116,6 +116,14 @@ class Joint:
         return self.bounds if all(map(math.isfinite, self.bounds)) else None
 
     @property
+    def shown_range(self) -> tuple[float, float]:
+        """The range; where it states none that opens, half a turn or 1 m to both sides."""
+        if self.range is not None and self.range[0] < self.range[1]:
+            return self.range
+        far = 1.0 if self.kind == "prismatic" else math.pi
+        return -far, far
+
+    @property
     def is_locked(self) -> bool:
         """Whether equal limits hold it, so that a drive could move nothing."""
         return self.limits.lower is not None and self.limits.lower == self.limits.upper

@@ -135,11 +135,8 @@ def sample_positions(tree: Tree, count: int, seed: int) -> list[dict[str, float]
     for _ in range(count):
         positions = {}
         for joint in tree.moving_joints:
-            lower, upper = joint.limits.lower, joint.limits.upper
-            if lower is None or upper is None or not lower < upper:
-                upper = 1.0 if joint.kind == "prismatic" else math.pi
-                lower = -upper
-            elif lower < REACH and upper > -REACH:
+            lower, upper = joint.shown_range
+            if lower < REACH and upper > -REACH:
                 lower, upper = max(lower, -REACH), min(upper, REACH)
             positions[joint.name] = float(random.uniform(lower, upper))
         samples.append(positions)

@@ -164,11 +164,8 @@ def _geared(kp: float, kd: float, square: float, gain: float) -> dict[str, str |
 
 
 def _general(actuator: Actuator) -> dict[str, str | None]:
-    """MuJoCo's own parameters, its defaults left out; StepError without any."""
-    general = actuator.general
-    if general is None:
-        raise StepError(f"actuator {actuator.joint}: model `general` without its parameters")
-    default = General()
+    """MuJoCo's own parameters, its defaults left out; the model's row always states them."""
+    general, default = actuator.general or General(), General()
     words = ("dyntype", "gaintype", "biastype")
     vectors = ("dynprm", "gainprm", "biasprm")
     return {

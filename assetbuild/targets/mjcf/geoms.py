@@ -54,49 +54,41 @@ class GeomRow(Row):
         return self.attributes["geom"]
 
 
-class GeomElements:
-    """Geom elements and their default classes."""
+def geom_classes(
+    tree: Tree, shapes: Shapes, control: Control, roles: Mapping[str, str], names: ClassNames
+) -> list[DefaultClass]:
+    """The default classes of the roles that any shape has.
 
-    def __init__(
-        self,
-        tree: Tree,
-        shapes: Shapes,
-        control: Control,
-        roles: Mapping[str, str],
-        names: ClassNames,
-    ) -> None:
-        """roles: the class names of `visual` and `collision`, already taken from `names`."""
-        hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
-        solid = {"group": "3", **_surface(control.contact, Contact())}
-        fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
-        self.classes: list[DefaultClass] = []
-        """The default classes of the roles that any shape has."""
-        self._uses: dict[str, Use] = {}
-        for role, always in fixed.items():
-            rows = [
-                _row(s, tree.shape_placement(s)[1], control.surface_of(s), control.contact)
-                for s in shapes.of(role)
-            ]
-            if rows:
-                role_class = _role_class(roles[role], always, rows, names)
-                self.classes.append(role_class)
-                self._uses |= role_class.uses()
+    roles: the class names of `visual` and `collision`, already taken from `names`.
+    """
+    hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
+    solid = {"group": "3", **_surface(control.contact, Contact())}
+    fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
+    classes = []
+    for role, always in fixed.items():
+        rows = [
+            _row(s, tree.shape_placement(s)[1], control.surface_of(s), control.contact)
+            for s in shapes.of(role)
+        ]
+        if rows:
+            classes.append(_role_class(roles[role], always, rows, names))
+    return classes
 
-    def geom(self, shape: Shape) -> Element:
-        """One geom, with only what its class does not say."""
-        use = self._uses[shape.name]
-        left = dict(use.left["geom"])
-        return element(
-            "geom",
-            {
-                "name": shape.name,
-                "class": use.class_name,
-                "type": left.pop("type", None),
-                "size": left.pop("size", None),
-                "mesh": shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None,
-                **left,
-            },
-        )
+
+def geom_element(shape: Shape, use: Use) -> Element:
+    """One geom, with only what its class does not say."""
+    left = dict(use.left["geom"])
+    return element(
+        "geom",
+        {
+            "name": shape.name,
+            "class": use.class_name,
+            "type": left.pop("type", None),
+            "size": left.pop("size", None),
+            "mesh": shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None,
+            **left,
+        },
+    )
 
 
 def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> GeomRow:

@@ -23,7 +23,7 @@ from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.classes import ClassNames
 from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
-from assetbuild.targets.mjcf.geoms import GeomElements
+from assetbuild.targets.mjcf.geoms import geom_classes, geom_element
 from assetbuild.targets.mjcf.inertia import principal_inertia, rounded_up
 from assetbuild.targets.mjcf.sections import (
     camera_elements,
@@ -133,7 +133,8 @@ class RobotXml:
         roles = {role: names.take(role) for role in ("visual", "collision")}
         self.classes = joint_classes(self.robot_class, rows, names)
         self.uses = self.classes.uses()
-        self.geoms = GeomElements(tree, shapes, control, roles, names)
+        self.geom_classes = geom_classes(tree, shapes, control, roles, names)
+        self.geom_uses = {k: use for role in self.geom_classes for k, use in role.uses().items()}
         refuse_hidden(control, self.hidden)
 
     def element(self, *, bare: bool = False) -> Element:
@@ -212,7 +213,7 @@ class RobotXml:
             first.append(element("mesh", {"inertia": "shell"}))
         if self.tree.frames or self.body_sites or self.control.loops:
             first.append(element("site", {"group": SITE_GROUP}))
-        first += [role.element() for role in self.geoms.classes]
+        first += [role.element() for role in self.geom_classes]
         return element("default", None, [self.classes.element(first)])
 
     def asset(self) -> Element:
@@ -276,7 +277,10 @@ class RobotXml:
         yield from camera_elements(self.tree, self.control)
         for role in ("visual", "collision"):
             for shape in self.shapes.of(role):
-                yield self.tree.placement(shape.link)[0], self.geoms.geom(shape)
+                yield (
+                    self.tree.placement(shape.link)[0],
+                    geom_element(shape, self.geom_uses[shape.name]),
+                )
         yield from site_elements(self.tree, self.body_sites, self.body_names)
         for loop in self.control.loops:
             for site, end in zip(self.loop_sites[loop.name], loop.ends, strict=True):
