@@ -15,7 +15,6 @@ from assetbuild.robot.mjcf_only import (
     joint_springs,
     lost_motion,
     parsed,
-    spring_list,
 )
 from assetbuild.robot.model import Actuator, Keyframe, MjcfOnly, Tree
 from assetbuild.robot.shapes import Shapes
@@ -76,8 +75,7 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
     """What was folded into the joints' numbers."""
     geared = {row.joint: row.gear for row in actuators if row.gear != 1.0}
     if geared:
-        names = [f"`{name}` ({gear:.4g})" for name, gear in geared.items()]
-        listed = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        listed = quoted({name: f"{gear:.4g}" for name, gear in geared.items()}, 4)
         yield GEAR(
             "robot",
             f"actuators of {len(geared)} joints have a gear g: {listed}; URDF, USD and the "
@@ -90,15 +88,15 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
 
 def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
     """One finding for each kind of thing that only the MJCF holds."""
-    if springs := joint_springs(items):
+    if springs := {joint: spring.text for joint, spring in joint_springs(items).items()}:
         has = "1 joint has a spring" if len(springs) == 1 else f"{len(springs)} joints have springs"
         yield SPRING(
             "robot",
-            f"{has} (N m/rad or N/m): {spring_list(springs)}; the URDF cannot hold them, so it "
+            f"{has} (N m/rad or N/m): {quoted(springs, 4)}; the URDF cannot hold them, so it "
             "moves differently; in the USD a spring is the drive of a joint that has no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",
-            data={joint: spring.text for joint, spring in springs.items()},
+            data=springs,
         )
     for what, names in lost_motion(items).items():
         yield MOTION(

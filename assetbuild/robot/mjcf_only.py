@@ -92,12 +92,6 @@ def no_drives(control: Control) -> dict[str, str]:
     return reasons
 
 
-def spring_list(springs: Mapping[str, Spring]) -> str:
-    """`knee` (30), `ankle` (5), ..."""
-    names = [f"`{joint}` ({spring.text})" for joint, spring in springs.items()]
-    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
-
-
 EFFORT_WORDS: Mapping[str, tuple[str, ...]] = {
     "joint": ("actuatorfrcrange", "actuatorfrclimited"),
     "drive": ("forcerange", "forcelimited", "ctrlrange", "ctrllimited"),

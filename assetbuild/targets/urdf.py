@@ -133,11 +133,10 @@ def _open_loops(ratings: Control) -> Iterator[Finding]:
     by_name = by_constraint(ratings.loops).items()
     loops = [loop for name, some in by_name for loop in some if name not in followed]
     if loops:
-        listed = ", ".join(f"`{loop.name}` ({loop.a.body} to {loop.b.body})" for loop in loops[:6])
+        listed = quoted({loop.name: f"{loop.a.body} to {loop.b.body}" for loop in loops}, 6)
         yield LOOP(
             "robot",
-            f"the written URDF holds {len(loops)} loops open: {listed}"
-            f"{', ...' if len(loops) > 6 else ''}",
+            f"the written URDF holds {len(loops)} loops open: {listed}",
             data={"loops": tuple(loop.name for loop in loops)},
         )
 

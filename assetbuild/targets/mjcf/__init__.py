@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Target
 from assetbuild.robot.chains import Chain
@@ -132,12 +133,11 @@ def explain_loops(tree: Tree, control: Control) -> Iterator[Finding]:
     at_zero = gaps(tree, control.loops, {joint.name: 0.0 for joint in tree.moving_joints})
     open_loops = {name: gap for name, gap in at_zero.items() if gap > NEAR_M}
     if open_loops:
-        shown = ", ".join(f"`{name}` ({gap:.3g} m)" for name, gap in list(open_loops.items())[:4])
+        shown = quoted({name: f"{gap:.3g} m" for name, gap in open_loops.items()}, 4)
         yield OPEN_AT_ZERO(
             "robot",
-            f"{len(open_loops)} loops are open where all joints are 0: {shown}"
-            f"{', ...' if len(open_loops) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but "
-            "Newton 1.8 holds other points of this MJCF",
+            f"{len(open_loops)} loops are open where all joints are 0: {shown}; MuJoCo, MJX and "
+            "mjlab hold both ends, but Newton 1.8 holds other points of this MJCF",
             "give Newton the USD",
             data=open_loops,
         )
