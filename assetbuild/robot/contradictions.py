@@ -80,7 +80,7 @@ def contradictions(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Findin
     for name, factor in beyond_reach(tree, extents).items():
         inertial = tree.by_body[name].inertial
         assert inertial is not None  # noqa: S101 # it has been compared
-        reach = _reach(inertial, extents[name])
+        reach = reach_of(inertial, extents[name])
         yield REACH(
             f"link {name}",
             f"its inertia is {factor:.3g} times m r² ({inertial.mass_kg:.4g} kg, and the farthest "
@@ -110,7 +110,7 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
             continue
         if inertial.mass_kg > DENSEST * extent.volume_m3:
             continue
-        scale = inertial.mass_kg * _reach(inertial, extent) ** 2
+        scale = inertial.mass_kg * reach_of(inertial, extent) ** 2
         matrix = matrix_of(inertial.inertia_com_kg_m2)
         one = all(np.linalg.norm(np.cross(axes[0], axis)) < 1e-6 for axis in axes)
         largest = axes[0] @ matrix @ axes[0] if one else np.linalg.eigvalsh(matrix)[-1]
@@ -135,7 +135,8 @@ def _least_felt(tree: Tree) -> dict[str, float]:
     return {name: value if value < math.inf else 0.0 for name, value in felt.items()}
 
 
-def _reach(inertial: Inertial, extent: Extent) -> float:
+def reach_of(inertial: Inertial, extent: Extent) -> float:
+    """From the centre of mass to the farthest point of the shapes, m."""
     return float(np.linalg.norm(extent.points - np.asarray(inertial.com_m), axis=1).max())
 
 

@@ -87,6 +87,15 @@ def link_placement(tree: Tree, link: str, place: str, key: Key) -> tuple[str, Po
         raise RowError(f"{place}: no link `{link}`", key=key, hint=hint) from None
 
 
+def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
+    """The joints from the root down to a body."""
+    chain: list[Joint] = []
+    while body in tree.joint_above:
+        chain.append(tree.joint_above[body])
+        body = chain[-1].parent
+    return tuple(chain[::-1])
+
+
 def joint_motion(joint: Joint, value: float) -> Pose:
     """Pose of the child body in the joint frame at `value` (rad or m).
 

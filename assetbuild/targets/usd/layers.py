@@ -60,7 +60,10 @@ def new_layer(path: Path, names: PrimPaths) -> Usd.Stage:
 def save(stage: Usd.Stage) -> None:
     """Write the layer; raises StepError when a binary one is newer than usd-core 24.5 reads."""
     layer = stage.GetRootLayer()
-    _reopen(layer.pseudoRoot)
+    for spec in _prims(layer.pseudoRoot):
+        # Untyped definitions become overs again: defining a child has turned them over.
+        if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
+            spec.specifier = Sdf.SpecifierOver
     layer.Save()
     path = Path(layer.realPath)
     if path.suffix == ".usdc":
@@ -73,14 +76,6 @@ def save(stage: Usd.Stage) -> None:
                 f"usd-core wrote binary USD {number}, which usd-core 24.5 cannot read",
                 hint="unset USD_WRITE_NEW_USDC_FILES_AS_VERSION, or build with another usd-core",
             )
-
-
-def _reopen(parent: Sdf.PrimSpec) -> None:
-    """Untyped definitions become overs again: defining a child has turned them over."""
-    for spec in parent.nameChildren:
-        if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
-            spec.specifier = Sdf.SpecifierOver
-        _reopen(spec)
 
 
 def new_interface(path: Path, names: PrimPaths) -> Usd.Stage:
