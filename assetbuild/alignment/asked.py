@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Literal
 
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -99,7 +99,7 @@ def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End)
     Loops stop their joints before the limits do: these stay at home, where all loops are closed. A
     joint that mimics goes with its leader.
     """
-    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    chain = joints_of(tree, control.loops)
     middle, swing = {}, {}
     for joint in tree.moving_joints:
         lower, upper = joint.bounds

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.dynamics import Dynamics, Motion, motions
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Loop, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -210,7 +210,7 @@ def _still(
 ) -> tuple[str, ...]:
     moving = motions(tree, q)
     basis = free_motions(loops, moving.bodies)[moving.free :]
-    held = {joint.name for loop in loops for joint in path_of(tree, loop)}
+    held = joints_of(tree, loops)
     return tuple(
         name
         for name in joints
