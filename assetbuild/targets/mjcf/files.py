@@ -161,27 +161,21 @@ def _places(root: Element) -> Iterator[tuple[Element, str, str]]:
 class _Opaque:
     def __init__(self, items: tuple[MjcfOnly, ...], body_names: Mapping[str, str]) -> None:
         self._body_names = body_names
-        self._added: dict[tuple[str, str], dict[str, str]] = {}
-        self._inside: dict[tuple[str, str], list[Element]] = {}
-        self._keys: dict[str, Element] = {}
-        for item in items:
-            self._take(item, parsed(item))
-
-    def _take(self, item: MjcfOnly, node: Element) -> None:
-        owner = self._body_names.get(item.owner, item.owner)
-        if item.place == "keyframe":
-            self._keys[item.owner] = node
-        elif item.place in ("option", "size"):
-            self._added[item.place, ""] = dict(node.attrib)
-            self._inside.setdefault((item.place, ""), []).extend(node)
-        elif item.place in SECTIONS:
-            self._inside.setdefault((item.place, ""), []).append(self._renamed(node))
-        elif item.place == "body" and node.tag != "body":
-            place = ("body", owner) if owner else ("worldbody", "")
-            self._inside.setdefault(place, []).append(self._renamed(node))
-        else:
-            place = ("body" if item.place == "root" else item.place, owner)
-            self._added.setdefault(place, {}).update(node.attrib)
+        self._added: dict[tuple[str, str], Element] = {}
+        """By place and owner, what belongs on an element and into it."""
+        self._keys = {item.owner: parsed(item) for item in items if item.place == "keyframe"}
+        for item in (item for item in items if item.place != "keyframe"):
+            node, place = parsed(item), "body" if item.place == "root" else item.place
+            owner = body_names.get(item.owner, item.owner)
+            is_child = item.place == "body" and node.tag != "body"
+            if place in SECTIONS or (is_child and not owner):
+                place, owner = "worldbody" if is_child else place, ""
+            added = self._added.setdefault((place, owner), Element("added"))
+            if is_child or (place in SECTIONS and place not in ("option", "size")):
+                added.append(self._renamed(node))
+            else:
+                added.attrib.update(node.attrib)
+                added.extend(node)
 
     def _renamed(self, node: Element) -> Element:
         """Names of bodies as the MJCF has them."""
@@ -193,15 +187,15 @@ class _Opaque:
 
     def complete(self, node: Element, place: str, owner: str) -> None:
         """Add to one element what belongs on it and into it."""
-        added = self._added.get((place, owner), {})
-        attributes = {key: value for key, value in (node.attrib | added).items() if value}
+        added = self._added.get((place, owner), Element("added"))
+        attributes = {key: value for key, value in (node.attrib | added.attrib).items() if value}
         if node.tag == "freejoint" and added.keys() - {"name"}:
             # <freejoint> takes no damping; a <joint> takes what it lacks from its class.
             node.tag, attributes = "joint", _FREE | attributes
         node.attrib = attributes
         # Bodies below a body come last, as Menagerie has them.
         children = [child for child in node if place == "body" and child.tag == "body"]
-        node[len(node) - len(children) :] = [*self._inside.get((place, owner), []), *children]
+        node[len(node) - len(children) :] = [*added, *children]
 
     def command(self, keyframe: Element, actuator: Element) -> None:
         """The source's commands in the order of the actuators, named as they are here."""
