@@ -13,9 +13,9 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Edit, Edited
 from assetbuild.recipe_types import Pattern, Positive
-from assetbuild.robot.chains import Chain, find_chains, is_massless
+from assetbuild.robot.chains import Chain, find_chains, is_massless, rigid_with
 from assetbuild.robot.inertia import mass_data, principal_moments, pseudo_inertia
-from assetbuild.robot.model import Body, Inertial, Joint, Tree
+from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
 
 SHARE = 1e-9
@@ -76,8 +76,13 @@ def _shared(
 
     stated: the moments of the links, kg m2.
     """
-    held = _held(tree, chain.body)
-    solid = held[-1].child if held else chain.body
+    solid = chain.body
+    if is_massless(tree.by_body[solid]):
+        masses = {
+            name: made.mass_kg if (made := tree.by_body[name].inertial) else 0.0
+            for name in rigid_with(tree, solid)
+        }
+        solid = max(masses, key=lambda name: masses[name])
     rest = _inertial(tree.by_body[solid])
     least = principal_moments(rest.inertia_com_kg_m2)[0]
     moment = stated or max(SHARE * least, LEAST)
@@ -90,18 +95,6 @@ def _shared(
         )
     return {**dict.fromkeys(links, made),
             solid: replace(rest, mass_kg=rest.mass_kg - mass * len(links))}  # fmt: skip
-
-
-def _held(tree: Tree, body: str) -> tuple[Joint, ...]:
-    """The fixed joints from a body without mass to the heaviest one that they hold to it."""
-    if not is_massless(tree.by_body[body]):
-        return ()
-    ways: list[tuple[Joint, ...]] = [()]
-    for way in ways:  # grows while it is walked
-        end = way[-1].child if way else body
-        ways += [(*way, j) for j in tree.joints if j.parent == end and j.kind == "fixed"]
-    ends = {way: tree.by_body[way[-1].child].inertial for way in ways if way}
-    return max(ends, key=lambda way: made.mass_kg if (made := ends[way]) else 0.0)
 
 
 def _inertial(body: Body) -> Inertial:

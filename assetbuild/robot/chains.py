@@ -115,14 +115,17 @@ def joint_rows(tree: Tree, shown: Collection[str]) -> dict[str, Chain]:
     return rows | {chain.body: chain for chain in find_chains(tree, shown)}
 
 
-def weighs(tree: Tree, body: str) -> bool:
-    """Whether it has mass, or something that fixed joints hold to it: MuJoCo can move it then."""
+def rigid_with(tree: Tree, body: str) -> list[str]:
+    """The body and all that fixed joints hold to it."""
     held = [body]
     for name in held:  # grows while it is walked
-        if not is_massless(tree.by_body[name]):
-            return True
         held += [j.child for j in tree.joints if j.parent == name and j.kind == "fixed"]
-    return False
+    return held
+
+
+def weighs(tree: Tree, body: str) -> bool:
+    """Whether it has mass, or something that fixed joints hold to it: MuJoCo can move it then."""
+    return not all(is_massless(tree.by_body[name]) for name in rigid_with(tree, body))
 
 
 def is_massless(body: Body) -> bool:

@@ -189,7 +189,7 @@ class _Opaque:
         """Add to one element what belongs on it and into it."""
         added = self._added.get((place, owner), Element("added"))
         attributes = {key: value for key, value in (node.attrib | added.attrib).items() if value}
-        if node.tag == "freejoint" and added.keys() - {"name"}:
+        if node.tag == "freejoint" and added.attrib.keys() - {"name"}:
             # <freejoint> takes no damping; a <joint> takes what it lacks from its class.
             node.tag, attributes = "joint", _FREE | attributes
         node.attrib = attributes

@@ -87,11 +87,11 @@ def equality_section(
 # --- sensors -------------------------------------------------------------------------------------
 
 
-def extra_sites(tree: Tree, control: Control) -> tuple[str, ...]:
+def extra_sites(tree: Tree, control: Control) -> Iterator[str]:
     """Bodies that need a site in their origin because a sensor sits there."""
-    places = [sensor.at for sensor in control.sensors if sensor.kind in AT_SITE]
-    wanted = dict.fromkeys(place.name for place in places if place.kind == "frame")
-    return tuple(name for name in wanted if name in tree.by_body)
+    for sensor in control.sensors:
+        if sensor.kind in AT_SITE and sensor.at.kind == "frame" and sensor.at.name in tree.by_body:
+            yield sensor.at.name
 
 
 def refuse_hidden(control: Control, hidden: Collection[str]) -> None:
