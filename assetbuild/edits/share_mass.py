@@ -60,19 +60,16 @@ class ShareMass(Edit):
         for chain in chains:
             links = [link for link in chain.between if re.fullmatch(self.link, link)]
             if links:
-                shared = _shared(tree, chain, links, self.moments)
+                shared, finding = _shared(tree, chain, links, self.moments)
                 inertials |= shared
-                findings.append(_finding(tree, links, shared))
-        bodies = tuple(
-            replace(body, inertial=inertials.get(body.name, body.inertial)) for body in tree.bodies
-        )
-        return Edited(replace(tree, bodies=bodies), shapes, tuple(findings))
+                findings.append(finding)
+        return Edited(tree.with_inertials(inertials), shapes, tuple(findings))
 
 
 def _shared(
     tree: Tree, chain: Chain, links: list[str], stated: float | None
-) -> dict[str, Inertial]:
-    """New mass properties of the links and of the body at the end of the chain.
+) -> tuple[dict[str, Inertial], Finding]:
+    """New mass properties of the links and of the body at the end of the chain, in words too.
 
     stated: the moments of the links, kg m2.
     """
@@ -93,8 +90,21 @@ def _shared(
             f"share_mass: `moments` of {moment:g} kg m² are those of the whole link `{solid}`",
             hint="leave `moments` out, or state less",
         )
-    return {**dict.fromkeys(links, made),
-            solid: replace(rest, mass_kg=rest.mass_kg - mass * len(links))}  # fmt: skip
+    after = replace(rest, mass_kg=rest.mass_kg - mass * len(links))
+    moved = ", ".join(f"{mass:.3g} kg to {link}" for link in links)
+    share = moment / least
+    same = share <= 2.0 * SHARE or moment <= LEAST
+    motion = (
+        "the motion is the same"
+        if same
+        else f"their moments, {moment:.3g} kg m², add {share:.2g} of its least to the motion"
+    )
+    finding = SHARE_MASS(
+        f"link {solid}",
+        f"mass {rest.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}; {motion}",
+        data={**mass_data(rest, after), "links": tuple(links)},
+    )
+    return {**dict.fromkeys(links, made), solid: after}, finding
 
 
 def _inertial(body: Body) -> Inertial:
@@ -105,22 +115,3 @@ def _inertial(body: Body) -> Inertial:
             hint="repair them first, by an edit above this one",
         )
     return inertial
-
-
-def _finding(tree: Tree, links: list[str], shared: dict[str, Inertial]) -> Finding:
-    solid = next(name for name in shared if name not in links)
-    before, after = _inertial(tree.by_body[solid]), shared[solid]
-    moved = ", ".join(f"{shared[link].mass_kg:.3g} kg to {link}" for link in links)
-    moment = shared[links[0]].inertia_com_kg_m2[0]
-    share = moment / principal_moments(before.inertia_com_kg_m2)[0]
-    same = share <= 2.0 * SHARE or moment <= LEAST
-    motion = (
-        "the motion is the same"
-        if same
-        else f"their moments, {moment:.3g} kg m², add {share:.2g} of its least to the motion"
-    )
-    return SHARE_MASS(
-        f"link {solid}",
-        f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}; {motion}",
-        data={**mass_data(before, after), "links": tuple(links)},
-    )

@@ -11,6 +11,7 @@ It is stored as separate artefacts, so that a new gain leaves geometry alone and
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -193,6 +194,11 @@ class Tree:
     def moving_joints(self) -> tuple[Joint, ...]:
         """Joints with one coordinate, in tree order."""
         return tuple(joint for joint in self.joints if joint.kind in MOVING)
+
+    def with_inertials(self, inertials: Mapping[str, Inertial]) -> Tree:
+        """The tree with other mass properties of some bodies, by name."""
+        bodies = (replace(b, inertial=inertials.get(b.name, b.inertial)) for b in self.bodies)
+        return replace(self, bodies=tuple(bodies))
 
     def placement(self, link: str) -> tuple[str, Pose]:
         """(body, X_body_link) of a link of the source; KeyError when there is none."""
