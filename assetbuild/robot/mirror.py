@@ -106,7 +106,7 @@ def mirror_findings(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
         if one and other and unit_of(one) == unit_of(other):
             motions = _motions(left, one, right, other, twins.flip, allowed)
             found.append((f"joint {other.name}", one.name, motions))
-            drives = _drives(left.drive, one.name, right.drive, allowed)
+            drives = _drives(left, one.name, right, allowed)
             found.append((f"actuator {other.name}", one.name, drives))
         for subject, twin, differences in found:
             for rule, message, hint, data, slip in differences:
@@ -131,10 +131,8 @@ def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterat
         message = f"its centre of mass is {apart} from the mirror image of `{left.name}`'s"
         hint = "is a sign wrong, or the same part on both sides? `edits: set_inertia` corrects it"
         yield CENTER, message, hint, {"distance_m": away}, False
-    wanted, found = (
-        flip @ matrix_of(one.inertia_com_kg_m2) @ flip,
-        matrix_of(other.inertia_com_kg_m2),
-    )
+    wanted = flip @ matrix_of(one.inertia_com_kg_m2) @ flip
+    found = matrix_of(other.inertia_com_kg_m2)
     low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (found, wanted))
     difference = float(np.linalg.norm(wanted - found)) / (high or 1.0)
     if difference > allowed.inertia:
@@ -210,15 +208,10 @@ def _limits(left: Joint, right: Joint, sign: float, tolerance: float) -> Iterato
     yield LIMITS, message, hint, data, slip
 
 
-def _drives(
-    left: Mapping[str, float | None],
-    twin: str,
-    right: Mapping[str, float | None],
-    allowed: Tolerances,
-) -> Iterator[Difference]:
+def _drives(left: Part, twin: str, right: Part, allowed: Tolerances) -> Iterator[Difference]:
     """twin: the joint on the left."""
-    for name, value in right.items():
-        other = left.get(name, value)  # not there: measured
+    for name, value in right.drive.items():
+        other = left.drive.get(name, value)  # not there: measured
         if value == other:
             continue
         values = [abs(v) if v is not None else np.inf for v in (value, other)]

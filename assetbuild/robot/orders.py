@@ -41,7 +41,7 @@ def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[s
     counted: those of a robot in which the others do not move; None = all.
     """
     moving = {joint.name for joint in tree.moving_joints}
-    joints = _walk(tree, tree.by_joint if counted is None else counted)
+    joints = _walk(tree, tree.by_joint if counted is None else {*counted})
     distance = {tree.root: 0}
     for joint in joints:
         distance[joint.child] = distance[joint.parent] + 1
