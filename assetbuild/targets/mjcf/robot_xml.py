@@ -38,8 +38,13 @@ from assetbuild.targets.mjcf.xml import direction, element, exact, number, numbe
 
 SITE_GROUP = "4"
 NAME = re.compile(r"""\bname="([^"]*)\"""")
-USUAL = {"gravity": "0 0 -9.81", "cone": "pyramidal", "solver": "Newton", "impratio": "1",
-         "tolerance": "1e-08"}  # fmt: skip
+USUAL = {
+    "gravity": "0 0 -9.81",
+    "cone": "pyramidal",
+    "solver": "Newton",
+    "impratio": "1",
+    "tolerance": "1e-08",
+}
 """MuJoCo's own options."""
 
 
