@@ -117,8 +117,7 @@ class RobotXml:
         self.hidden = frozenset(link for row in self.rows.values() for link in row.between)
         self.joint_poses = {
             joint.name: pose
-            for name, row in self.rows.items()
-            if name not in self.hidden
+            for row in self.rows.values()  # that of a chain comes after those of links inside it
             for joint, pose in zip(row.joints, row.joint_poses, strict=True)
         }
         limits = dict(control.soft_limits)
@@ -282,10 +281,8 @@ class RobotXml:
         yield from camera_elements(self.tree, self.control)
         for role in ("visual", "collision"):
             for shape in self.shapes.of(role):
-                yield (
-                    self.tree.placement(shape.link)[0],
-                    geom_element(shape, self.geom_uses[shape.name]),
-                )
+                carrier, _ = self.tree.placement(shape.link)
+                yield carrier, geom_element(shape, self.geom_uses[shape.name])
         yield from site_elements(self.tree, self.body_sites, self.body_names)
         for loop in self.control.loops:
             for site, end in zip(self.loop_sites[loop.name], loop.ends, strict=True):
