@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import (
     EFFORT_WORDS,
@@ -238,9 +239,8 @@ def wider_excludes(
     """
     excluded = {frozenset(pair) for pair in excludes}
     adjacent = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
-    solid: dict[str, list[str]] = {}
-    for link in dict.fromkeys(shape.link for shape in shapes.of("collision")):
-        solid.setdefault(tree.placement(link)[0], []).append(link)
+    links = dict.fromkeys(shape.link for shape in shapes.of("collision"))
+    solid = grouped(links, lambda link: tree.placement(link)[0])
     bodies = (sorted(tree.placement(link)[0] for link in pair) for pair in excludes)
     for a, b in sorted({(a, b) for a, b in bodies if a != b}):
         pairs = [(one, two) for one in solid.get(a, ()) for two in solid.get(b, ())]

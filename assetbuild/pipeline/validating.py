@@ -16,6 +16,7 @@ from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, StepError, UsageError
 from assetbuild.facts.reference import Reference, robot_named
 from assetbuild.findings import Finding, Rule, worst_first
+from assetbuild.grouping import grouped
 from assetbuild.pipeline.again import ROBOT, prove_again
 from assetbuild.pipeline.judging import evaluate
 from assetbuild.pipeline.opening import Opened, open_session
@@ -112,9 +113,8 @@ def _proved(bundle: Path) -> dict[str, Validated]:
         proof = reader.prove(reference, file)
         placed = (finding if finding.where else finding.at(name) for finding in proof.findings)
         files[name] = Validated(name, form, tuple(placed))
-    again: dict[str, list[Finding]] = {}
-    for finding in prove_again(bundle, robot, reference):
-        again.setdefault(finding.where.partition(":")[0], []).append(finding)
+    proven = prove_again(bundle, robot, reference)
+    again = grouped(proven, lambda finding: finding.where.partition(":")[0])
     for name, findings in again.items():
         one, rules = files.get(name, Validated(name, "file", ())), {each.rule for each in findings}
         read = (finding for finding in one.findings if finding.rule not in rules)  # without a line

@@ -18,6 +18,7 @@ from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence, is_waived
+from assetbuild.grouping import grouped
 from assetbuild.report.card import Subject, card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import figures_of, sentence
@@ -128,9 +129,7 @@ def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
 
 def _by_rule(findings: Iterable[Finding]) -> list[Box]:
     """One box for each rule, in order of the worst."""
-    boxes: dict[tuple[str, str], list[Finding]] = {}
-    for finding in findings:
-        boxes.setdefault((finding.severity, finding.rule), []).append(finding)
+    boxes = grouped(findings, lambda finding: (finding.severity, finding.rule))
     return [(severity, rule, same) for (severity, rule), same in boxes.items()]
 
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import MOVING, Body, Joint, JointKind, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, rotation_of, vec3
 
@@ -76,9 +77,7 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
     left as they are: no simulator can move them.
     """
     occupied = {tree.placement(link)[0] for link in shown} | {frame.body for frame in tree.frames}
-    below: dict[str, list[Joint]] = {}
-    for joint in tree.joints:
-        below.setdefault(joint.parent, []).append(joint)
+    below = grouped(tree.joints, lambda joint: joint.parent)
 
     def passes(body: str) -> bool:
         above, under = tree.joint_above.get(body), below.get(body, [])

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.errors import did_you_mean
+from assetbuild.grouping import grouped
 from assetbuild.robot.actuator_table import Key, RowError
 from assetbuild.robot.inertia import combine, move_inertial
 from assetbuild.robot.model import Body, Frame, Joint, Tree
@@ -40,17 +41,15 @@ def depth_first(root: str, joints: Iterable[Joint]) -> tuple[tuple[str, ...], tu
 
     Links that no joint connects to the root are absent.
     """
-    below: dict[str, list[Joint]] = defaultdict(list)
-    for joint in joints:
-        below[joint.parent].append(joint)
+    below = grouped(joints, lambda joint: joint.parent)
     links: list[str] = [root]
     ordered: list[Joint] = []
-    stack = below[root][::-1]
+    stack = below.get(root, [])[::-1]
     while stack:
         joint = stack.pop()
         ordered.append(joint)
         links.append(joint.child)
-        stack += below[joint.child][::-1]
+        stack += below.get(joint.child, [])[::-1]
     return tuple(links), tuple(ordered)
 
 

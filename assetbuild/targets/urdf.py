@@ -11,6 +11,7 @@ from pathlib import Path
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, quoted
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.plugin_types import Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.loops import by_constraint
@@ -22,7 +23,6 @@ from assetbuild.robot.model import (
     Control,
     Inertial,
     Joint,
-    LoopMimic,
     Tree,
 )
 from assetbuild.robot.pose import Pose, rpy_of
@@ -114,9 +114,7 @@ class Urdf(Target):
 
 
 def _open_loops(ratings: Control) -> Iterator[Finding]:
-    followed: dict[str, list[LoopMimic]] = {}
-    for each in ratings.loop_mimics:
-        followed.setdefault(each.loop, []).append(each)
+    followed = grouped(ratings.loop_mimics, lambda mimic: mimic.loop)
     for name, mimics in followed.items():
         equations = ", ".join(
             f"`{m.joint}` = {m.mimic.offset:.4g} {m.mimic.multiplier:+.4g} x `{m.mimic.joint}`, "

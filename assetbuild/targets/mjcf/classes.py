@@ -7,7 +7,7 @@ every member has (the axis of a joint, the type of a geom): there the class says
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TypeVar
@@ -137,15 +137,6 @@ def usual(rows: Sequence[Row], tag: str, key: str, *, most: bool = True) -> dict
     value, count = Counter(values).most_common(1)[0]
     enough = count >= FAMILY_MEMBERS and (2 * count > len(rows) or not most)
     return {key: value} if enough else {}
-
-
-def grouped(members: Sequence[T], key: Callable[[T], Hashable]) -> list[list[T]]:
-    """Members with equal keys, in order of first appearance; those without a key in no group."""
-    groups: dict[Hashable, list[T]] = {}
-    for member in members:
-        if (group_key := key(member)) is not None:
-            groups.setdefault(group_key, []).append(member)
-    return list(groups.values())
 
 
 def shared_words(wholes: Sequence[str]) -> str:

@@ -26,6 +26,7 @@ from functools import partial
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import Actuator, Control, General, Joint, Softness, Tree
 from assetbuild.targets.mjcf.classes import (
     FAMILY_MEMBERS,
@@ -34,7 +35,6 @@ from assetbuild.targets.mjcf.classes import (
     Row,
     Said,
     class_of,
-    grouped,
     joined,
     shared,
     shared_words,
@@ -217,7 +217,7 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     axis = {"joint": usual(rows, "joint", "axis")}
     adds = joined(axis, shared(rows, axis))
     by_motor = grouped(rows, lambda row: (row.motor, row.drive, _said(row, placing=False)))
-    motors = [_motor_class(group, adds, names) for group in by_motor]
+    motors = [_motor_class(group, adds, names) for group in by_motor.values()]
     return class_of(robot, adds, rows, [motor for motor in motors if motor is not None])
 
 
@@ -227,7 +227,7 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     inside = joined(above, adds)
     families = [
         (group, attributes)
-        for group in grouped(rows, partial(_said, placing=True))
+        for group in grouped(rows, partial(_said, placing=True)).values()
         if len(group) >= FAMILY_MEMBERS and (attributes := shared(group, inside))
     ]
     if not adds and not families:

@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Role, Shape, Shapes, Sphere
@@ -27,7 +28,6 @@ from assetbuild.targets.mjcf.classes import (
     Row,
     Use,
     class_of,
-    grouped,
     shared,
     shared_words,
     usual,
@@ -138,10 +138,10 @@ def _role_class(
         (_by_size, FAMILY_MEMBERS, f"_{name}"),
         (_by_place, FAMILY_MEMBERS, f"_{name}"),
     ):
-        for group in grouped(rows, partial(key, common)):
+        for what, group in grouped(rows, partial(key, common)).items():
             free = [row for row in group if row.name not in placed]
             attributes = _shared(free, common)
-            if len(free) < least or not attributes:
+            if what is None or len(free) < least or not attributes:
                 continue
             words = shared_words([row.link for row in free]) or "other"
             wanted = f"{words}_{name}" if words in names else f"{words}{suffix}"

@@ -15,6 +15,7 @@ from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.robot.actuator_table import without_stall
 from assetbuild.robot.files import RobotFiles
@@ -209,10 +210,7 @@ def _feet(
         X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
         return X_world_link.xyz[2]
 
-    by_body: dict[str, list[Shape]] = {}
-    for sole in soles:
-        by_body.setdefault(tree.placement(sole.link)[0], []).append(sole)
-    for body, foot_soles in by_body.items():
+    for body, foot_soles in grouped(soles, lambda sole: tree.placement(sole.link)[0]).items():
         geoms = tuple(renamed.get(sole.name, sole.name) for sole in foot_soles)
         yield Foot(body, min(foot_soles, key=height).link, geoms)
 
