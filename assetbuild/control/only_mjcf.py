@@ -76,7 +76,8 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
     """What was folded into the joints' numbers."""
     geared = {row.joint: row.gear for row in actuators if row.gear != 1.0}
     if geared:
-        listed = quoted({name: f"{gear:.4g}" for name, gear in geared.items()}, 4)
+        gears = {name: f"{gear:.4g}" for name, gear in geared.items()}
+        listed = quoted(gears, 4, notes=gears)
         yield GEAR(
             "robot",
             f"actuators of {len(geared)} joints have a gear g: {listed}; URDF, USD and the "
@@ -93,7 +94,7 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         has = "1 joint has a spring" if len(springs) == 1 else f"{len(springs)} joints have springs"
         yield SPRING(
             "robot",
-            f"{has} (N m/rad or N/m): {quoted(springs, 4)}; the URDF cannot hold them, so it "
+            f"{has} (N m/rad or N/m): {quoted(springs, 4, notes=springs)}; the URDF cannot hold them, so it "
             "moves differently; in the USD a spring is the drive of a joint that has no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",

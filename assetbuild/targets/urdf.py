@@ -131,7 +131,8 @@ def _open_loops(ratings: Control) -> Iterator[Finding]:
     by_name = by_constraint(ratings.loops).items()
     loops = [loop for name, some in by_name for loop in some if name not in followed]
     if loops:
-        listed = quoted({loop.name: f"{loop.a.body} to {loop.b.body}" for loop in loops}, 6)
+        ends = {loop.name: f"{loop.a.body} to {loop.b.body}" for loop in loops}
+        listed = quoted(ends, 6, notes=ends)
         yield LOOP(
             "robot",
             f"the written URDF holds {len(loops)} loops open: {listed}",

@@ -133,7 +133,8 @@ def explain_loops(tree: Tree, control: Control) -> Iterator[Finding]:
     at_zero = gaps(tree, control.loops, {joint.name: 0.0 for joint in tree.moving_joints})
     open_loops = {name: gap for name, gap in at_zero.items() if gap > NEAR_M}
     if open_loops:
-        shown = quoted({name: f"{gap:.3g} m" for name, gap in open_loops.items()}, 4)
+        gaps_m = {name: f"{gap:.3g} m" for name, gap in open_loops.items()}
+        shown = quoted(gaps_m, 4, notes=gaps_m)
         yield OPEN_AT_ZERO(
             "robot",
             f"{len(open_loops)} loops are open where all joints are 0: {shown}; MuJoCo, MJX and "
