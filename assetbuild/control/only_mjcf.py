@@ -94,8 +94,8 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         has = "1 joint has a spring" if len(springs) == 1 else f"{len(springs)} joints have springs"
         yield SPRING(
             "robot",
-            f"{has} (N m/rad or N/m): {quoted(springs, 4, notes=springs)}; the URDF cannot hold them, so it "
-            "moves differently; in the USD a spring is the drive of a joint that has no other",
+            f"{has} (N m/rad or N/m): {quoted(springs, 4, notes=springs)}; the URDF cannot hold "
+            "them, so it moves differently; in the USD a spring is the drive of a joint that has no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",
             data=springs,
