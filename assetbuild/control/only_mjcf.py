@@ -95,7 +95,8 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         yield SPRING(
             "robot",
             f"{has} (N m/rad or N/m): {quoted(springs, 4, notes=springs)}; the URDF cannot hold "
-            "them, so it moves differently; in the USD a spring is the drive of a joint that has no other",
+            "them, so it moves differently; in the USD a spring is the drive of a joint that has "
+            "no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",
             data=springs,
