@@ -162,9 +162,14 @@ def did_you_mean(wrong: str, known: Iterable[str]) -> str:
     return f"known: {quoted(names, 12)}" if names else ""
 
 
-def quoted(names: Iterable[str], most: int, more: str = ", ...") -> str:
-    """`a`, `b`, ...: at most so many names. more: for the others, with `{}` for their number."""
-    each = [f"`{name}`" for name in names]
+def quoted(
+    names: Iterable[str], most: int, more: str = ", ...", notes: Mapping[str, str] | None = None
+) -> str:
+    """`a`, `b`, ...: at most so many names. more: for the others, with `{}` for their number.
+
+    notes: what to say of each name: `a` (30), `b` (5), ...
+    """
+    each = [f"`{name}` ({notes[name]})" if notes else f"`{name}`" for name in names]
     return ", ".join(each[:most]) + (more.format(len(each) - most) if len(each) > most else "")
 
 

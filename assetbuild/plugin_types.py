@@ -198,14 +198,10 @@ def edit_inertials(
     tree: Tree, pattern: str, change: Callable[[Body], tuple[Inertial, Finding] | None]
 ) -> tuple[Tree, tuple[Finding, ...]]:
     """The tree with new mass properties of the links that match; None = this one stays."""
-    bodies, findings = [], []
-    for body in tree.bodies:
-        changed = change(body) if re.fullmatch(pattern, body.name) else None
-        if changed is not None:
-            body = replace(body, inertial=changed[0])
-            findings.append(changed[1])
-        bodies.append(body)
-    return replace(tree, bodies=tuple(bodies)), tuple(findings)
+    matched = {b.name: change(b) for b in tree.bodies if re.fullmatch(pattern, b.name)}
+    changed = {name: change for name, change in matched.items() if change is not None}
+    inertials = {name: inertial for name, (inertial, _) in changed.items()}
+    return tree.with_inertials(inertials), tuple(finding for _, finding in changed.values())
 
 
 class RecipeView(Protocol):

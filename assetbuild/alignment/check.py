@@ -23,7 +23,7 @@ from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
@@ -165,7 +165,7 @@ def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End)
     Loops stop their joints before the limits do: these stay at home, where all loops are closed. A
     joint that mimics goes with its leader.
     """
-    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    chain = joints_of(tree, control.loops)
     middle, swing = {}, {}
     for joint in tree.moving_joints:
         lower, upper = joint.bounds

@@ -17,7 +17,6 @@ from assetbuild.robot.inertia import (
     TRIANGLE_ROUNDING,
     InertiaBounds,
     equivalent_radius,
-    least_second_moment,
     principal_moments,
     triangle_violation,
 )
@@ -219,7 +218,7 @@ class MassProperties:
             hint = f"is it about the centre of mass? {refused}`edits: balance_inertia` repairs it"
             data = self.data | {"violation": violation}
             return TRIANGLE(self.subject, message, hint, severity=severity, data=data)
-        least = least_second_moment(self.inertial.inertia_com_kg_m2)
+        least = -violation * c / 2
         if least <= ROUNDING * c:
             message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
             data = self.data | {"least_second_moment_kg_m2": least}

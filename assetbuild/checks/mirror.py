@@ -10,7 +10,7 @@ from assetbuild.findings import Finding
 from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
-from assetbuild.robot.twins import parts_of, twins
+from assetbuild.robot.twins import twins
 
 
 class Mirror(Check):
@@ -25,7 +25,7 @@ class Mirror(Check):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the bodies, their joints, the table and the initial keyframe."""
         robot = RobotFiles(files.inputs)
-        symmetry = twins(parts_of(robot.tree, robot.control), self.allowed.place)
+        symmetry = twins(robot.tree, robot.control, self.allowed.place)
         figures: dict[str, object] = {
             "twins": len(symmetry.pairs),
             "pairs": [[a.name, b.name] for a, b in symmetry.pairs],

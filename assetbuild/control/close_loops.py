@@ -10,7 +10,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow, RowError
 from assetbuild.robot.chains import angles_of, split
 from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joints
-from assetbuild.robot.loops import by_constraint, path_of, placed_loop
+from assetbuild.robot.loops import by_constraint, joints_of, placed_loop
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Keyframe, Loop, Tree
 from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
@@ -106,7 +106,7 @@ def closed_pose(
     rounded values. Raises RowError with the gap that is left.
     """
     whole, start = hinged(tree), positions_of(tree, pose)
-    chain = {joint.name for loop in loops for joint in path_of(whole, loop)}
+    chain = joints_of(whole, loops)
     free = chain - set(stated)
     for index in range(len(last) + 1):
         unknown = free.difference(*last[: len(last) - index])
@@ -125,7 +125,7 @@ def _cannot_close(
 ) -> RowError:
     """Whose fault it is: that of a loop alone, or of the keyframe and the loops together."""
     for name, some in by_constraint(loops).items():
-        chain = {joint.name for loop in some for joint in path_of(tree, loop)}
+        chain = joints_of(tree, some)
         if not (best := close(tree, some, dict(pose.joints), chain)).closed:
             a, b = some[0].ends
             return RowError(
@@ -175,7 +175,7 @@ def check_locked(
 ) -> None:
     """RowError for a driven joint that the loops keep from moving."""
     for joint in locked_joints(hinged(tree), loops, positions_of(tree, pose), driven):
-        name = next(p.name for p in loops if joint in {j.name for j in path_of(tree, p)})
+        name = next(loop.name for loop in loops if joint in joints_of(tree, (loop,)))
         raise RowError(
             f"loops: `{name}` locks joint `{joint}`, which is driven",
             key=_place(rows, name),

@@ -13,10 +13,9 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.dynamics import motions
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.loops import by_constraint, path_of
+from assetbuild.robot.loops import by_constraint, joints_of
 from assetbuild.robot.mimic import leading
 from assetbuild.robot.model import (
-    MOVING,
     Actuator,
     Contact,
     Control,
@@ -105,7 +104,8 @@ def loop_mimics(tree: Tree, control: Control) -> tuple[tuple[LoopMimic, ...], di
     mimics: dict[str, LoopMimic] = {}
     refused: dict[str, str] = {}
     for name, loops in asked.items():
-        path = [j for j in tree.joints if any(j in path_of(tree, loop) for loop in loops)]
+        names = joints_of(tree, loops)
+        path = [joint for joint in tree.joints if joint.name in names]
         made = _of_loop(tree, control, name, loops, path)
         if isinstance(made, str):
             refused[name] = made
@@ -120,8 +120,6 @@ def _of_loop(
     """One mimic for each joint of the loop that does not lead, or why there is none."""
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     leaders = sorted({leading(tree, joint)[0].name for joint in path} & driven)
-    if odd := [joint for joint in path if joint.kind not in MOVING]:
-        return f"joint `{odd[0].name}` is {odd[0].kind}: `split_joint` makes hinges of it"
     if len(leaders) != 1:
         listed = ", ".join(f"`{leader}`" for leader in leaders) or "none"
         return f"one driven joint must move it, here {listed}"
@@ -130,7 +128,7 @@ def _of_loop(
     home = dict(initial_pose(tree, control).joints)
     if not _are_led(tree, loops, home, followers):
         return "its other joints can move while the driven one stands still"
-    everywhere = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    everywhere = joints_of(tree, control.loops)
     poses = list(poses_along(tree, control, home, tree.by_joint[leader], everywhere - driven))
     q = np.array([pose[leader] for pose in poses])
     if np.ptp(q) <= 0.0:

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import (
     EFFORT_WORDS,
@@ -15,7 +16,6 @@ from assetbuild.robot.mjcf_only import (
     joint_springs,
     lost_motion,
     parsed,
-    spring_list,
 )
 from assetbuild.robot.model import Actuator, Keyframe, MjcfOnly, Tree
 from assetbuild.robot.shapes import Shapes
@@ -76,8 +76,8 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
     """What was folded into the joints' numbers."""
     geared = {row.joint: row.gear for row in actuators if row.gear != 1.0}
     if geared:
-        names = [f"`{name}` ({gear:.4g})" for name, gear in geared.items()]
-        listed = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        gears = {name: f"{gear:.4g}" for name, gear in geared.items()}
+        listed = quoted(gears, 4, notes=gears)
         yield GEAR(
             "robot",
             f"actuators of {len(geared)} joints have a gear g: {listed}; URDF, USD and the "
@@ -90,15 +90,16 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
 
 def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
     """One finding for each kind of thing that only the MJCF holds."""
-    if springs := joint_springs(items):
+    if springs := {joint: spring.text for joint, spring in joint_springs(items).items()}:
         has = "1 joint has a spring" if len(springs) == 1 else f"{len(springs)} joints have springs"
         yield SPRING(
             "robot",
-            f"{has} (N m/rad or N/m): {spring_list(springs)}; the URDF cannot hold them, so it "
-            "moves differently; in the USD a spring is the drive of a joint that has no other",
+            f"{has} (N m/rad or N/m): {quoted(springs, 4, notes=springs)}; the URDF cannot hold "
+            "them, so it moves differently; in the USD a spring is the drive of a joint that has "
+            "no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",
-            data={joint: spring.text for joint, spring in springs.items()},
+            data=springs,
         )
     for what, names in lost_motion(items).items():
         yield MOTION(
@@ -240,9 +241,8 @@ def wider_excludes(
     """
     excluded = {frozenset(pair) for pair in excludes}
     adjacent = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
-    solid: dict[str, list[str]] = {}
-    for link in dict.fromkeys(shape.link for shape in shapes.of("collision")):
-        solid.setdefault(tree.placement(link)[0], []).append(link)
+    links = dict.fromkeys(shape.link for shape in shapes.of("collision"))
+    solid = grouped(links, lambda link: tree.placement(link)[0])
     bodies = (sorted(tree.placement(link)[0] for link in pair) for pair in excludes)
     for a, b in sorted({(a, b) for a, b in bodies if a != b}):
         pairs = [(one, two) for one in solid.get(a, ()) for two in solid.get(b, ())]

@@ -6,7 +6,6 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
-from xml.etree import ElementTree
 
 from assetbuild.control.only_mjcf import commands_of, explain_gears, explain_opaque, wider_excludes
 from assetbuild.control.senses import changed
@@ -15,7 +14,7 @@ from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.chains import ROWS, angles_of
 from assetbuild.robot.contact import Surface
 from assetbuild.robot.files import SourceControl
-from assetbuild.robot.mjcf_only import of_same_effort, parsed
+from assetbuild.robot.mjcf_only import of_same_effort, parsed, without
 from assetbuild.robot.model import (
     Actuator,
     Camera,
@@ -273,7 +272,7 @@ def _kept(
         elif bodies.keeps(item):
             yield item
         elif item.place == "camera":
-            yield _without(item, ("mode", "target"))
+            yield without(item, ("mode", "target"))
     if gone:
         message = f"{len(gone)} geoms of the source have other shapes now: what only MJCF says of "
         message += f"`{gone[0]}` and the like was left out"
@@ -304,14 +303,7 @@ def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     keys = [key.removeprefix("mjcf.") for key in stated if key.startswith("mjcf.")]
     if "cone" in keys and _attribute(item, "impratio") == "1":
         keys.append("impratio")
-    return _without(item, keys)
-
-
-def _without(item: MjcfOnly, keys: Collection[str]) -> MjcfOnly:
-    element = parsed(item)
-    for key in keys:
-        element.attrib.pop(key, "")
-    return replace(item, element=ElementTree.tostring(element, "unicode"))
+    return without(item, keys)
 
 
 def _sensor_of_drive(item: MjcfOnly) -> Finding:

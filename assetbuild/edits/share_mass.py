@@ -13,9 +13,9 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Edit, Edited
 from assetbuild.recipe_types import Pattern, Positive
-from assetbuild.robot.chains import Chain, find_chains, is_massless
+from assetbuild.robot.chains import Chain, find_chains, is_massless, rigid_with
 from assetbuild.robot.inertia import mass_data, principal_moments, pseudo_inertia
-from assetbuild.robot.model import Body, Inertial, Joint, Tree
+from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
 
 SHARE = 1e-9
@@ -60,24 +60,26 @@ class ShareMass(Edit):
         for chain in chains:
             links = [link for link in chain.between if re.fullmatch(self.link, link)]
             if links:
-                shared = _shared(tree, chain, links, self.moments)
+                shared, finding = _shared(tree, chain, links, self.moments)
                 inertials |= shared
-                findings.append(_finding(tree, links, shared))
-        bodies = tuple(
-            replace(body, inertial=inertials.get(body.name, body.inertial)) for body in tree.bodies
-        )
-        return Edited(replace(tree, bodies=bodies), shapes, tuple(findings))
+                findings.append(finding)
+        return Edited(tree.with_inertials(inertials), shapes, tuple(findings))
 
 
 def _shared(
     tree: Tree, chain: Chain, links: list[str], stated: float | None
-) -> dict[str, Inertial]:
-    """New mass properties of the links and of the body at the end of the chain.
+) -> tuple[dict[str, Inertial], Finding]:
+    """New mass properties of the links and of the body at the end of the chain, in words too.
 
     stated: the moments of the links, kg m2.
     """
-    held = _held(tree, chain.body)
-    solid = held[-1].child if held else chain.body
+    solid = chain.body
+    if is_massless(tree.by_body[solid]):
+        masses = {
+            name: made.mass_kg if (made := tree.by_body[name].inertial) else 0.0
+            for name in rigid_with(tree, solid)
+        }
+        solid = max(masses, key=lambda name: masses[name])
     rest = _inertial(tree.by_body[solid])
     least = principal_moments(rest.inertia_com_kg_m2)[0]
     moment = stated or max(SHARE * least, LEAST)
@@ -88,20 +90,21 @@ def _shared(
             f"share_mass: `moments` of {moment:g} kg m² are those of the whole link `{solid}`",
             hint="leave `moments` out, or state less",
         )
-    return {**dict.fromkeys(links, made),
-            solid: replace(rest, mass_kg=rest.mass_kg - mass * len(links))}  # fmt: skip
-
-
-def _held(tree: Tree, body: str) -> tuple[Joint, ...]:
-    """The fixed joints from a body without mass to the heaviest one that they hold to it."""
-    if not is_massless(tree.by_body[body]):
-        return ()
-    ways: list[tuple[Joint, ...]] = [()]
-    for way in ways:  # grows while it is walked
-        end = way[-1].child if way else body
-        ways += [(*way, j) for j in tree.joints if j.parent == end and j.kind == "fixed"]
-    ends = {way: tree.by_body[way[-1].child].inertial for way in ways if way}
-    return max(ends, key=lambda way: made.mass_kg if (made := ends[way]) else 0.0)
+    after = replace(rest, mass_kg=rest.mass_kg - mass * len(links))
+    moved = ", ".join(f"{mass:.3g} kg to {link}" for link in links)
+    share = moment / least
+    same = share <= 2.0 * SHARE or moment <= LEAST
+    motion = (
+        "the motion is the same"
+        if same
+        else f"their moments, {moment:.3g} kg m², add {share:.2g} of its least to the motion"
+    )
+    finding = SHARE_MASS(
+        f"link {solid}",
+        f"mass {rest.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}; {motion}",
+        data={**mass_data(rest, after), "links": tuple(links)},
+    )
+    return {**dict.fromkeys(links, made), solid: after}, finding
 
 
 def _inertial(body: Body) -> Inertial:
@@ -112,22 +115,3 @@ def _inertial(body: Body) -> Inertial:
             hint="repair them first, by an edit above this one",
         )
     return inertial
-
-
-def _finding(tree: Tree, links: list[str], shared: dict[str, Inertial]) -> Finding:
-    solid = next(name for name in shared if name not in links)
-    before, after = _inertial(tree.by_body[solid]), shared[solid]
-    moved = ", ".join(f"{shared[link].mass_kg:.3g} kg to {link}" for link in links)
-    moment = shared[links[0]].inertia_com_kg_m2[0]
-    share = moment / principal_moments(before.inertia_com_kg_m2)[0]
-    same = share <= 2.0 * SHARE or moment <= LEAST
-    motion = (
-        "the motion is the same"
-        if same
-        else f"their moments, {moment:.3g} kg m², add {share:.2g} of its least to the motion"
-    )
-    return SHARE_MASS(
-        f"link {solid}",
-        f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}; {motion}",
-        data={**mass_data(before, after), "links": tuple(links)},
-    )

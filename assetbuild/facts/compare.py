@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -12,6 +12,7 @@ import numpy as np
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Comparison, Quantity, Rank, Required
 from assetbuild.findings import Finding, Rule, Scalar
+from assetbuild.grouping import grouped
 from assetbuild.robot.pose import normalised_quat, rotation_of
 
 Item = TypeVar("Item")
@@ -297,14 +298,6 @@ def _size(table: Table, key: Key, power: int) -> float:
 # --- findings -------------------------------------------------------------------------------
 
 
-def grouped(items: Iterable[Item], same: Callable[[Item], object]) -> list[list[Item]]:
-    """Items that are the same in some respect, together; in their order."""
-    groups: dict[object, list[Item]] = {}
-    for item in items:
-        groups.setdefault(same(item), []).append(item)
-    return list(groups.values())
-
-
 def equality_findings(
     mismatches: Sequence[Difference],
     form: str,
@@ -318,7 +311,7 @@ def equality_findings(
     """
     for same in grouped(
         mismatches, lambda d: (d.what, d.key.kind, d.key.quantity, d.before, d.after)
-    ):
+    ).values():
         first, keys = same[0], [item.key for item in same]
         quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
         data: dict[str, Scalar | tuple[Scalar, ...]] = {}

@@ -78,7 +78,7 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
     brakes with 2 I / ((1 - d) t). Source: MuJoCo, Computation, "Solver parameters".
     """
     armature = {row.joint: row.armature for row in control.actuators}
-    inertia, springs = dynamics(tree, {}, armature).effective_inertia, {}
+    inertia, springs = dynamics(tree, {}, armature).effective_inertia(), {}
     soft = dict(control.soft_limits)
     for joint in tree.moving_joints:
         lead = leader_of(tree, joint.mimic) if joint.mimic else Mimic(joint.name, 1.0, 0.0)

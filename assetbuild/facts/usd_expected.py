@@ -22,6 +22,7 @@ from assetbuild.facts.derived import (
 )
 from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
 from assetbuild.facts.table import FactCollector, Key, Table, Value, pair_name
+from assetbuild.grouping import grouped
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import MOVING, Actuator, Contact, Mimic, Tree
 from assetbuild.robot.pose import IDENTITY
@@ -267,11 +268,10 @@ def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:
 
 def _shape_pairs(reference: Reference) -> Iterator[tuple[str, str]]:
     """Single shapes whose masks never meet, of bodies that may touch otherwise."""
-    solid: dict[str, list[Shape]] = {}
-    for shape in reference.shapes.of("collision"):
-        solid.setdefault(reference.tree.placement(shape.link)[0], []).append(shape)
+    tree = reference.tree
+    solid = grouped(reference.shapes.of("collision"), lambda s: tree.placement(s.link)[0])
     control, contacts = reference.control, dict(reference.control.contacts)
-    pairs = filtered_pairs(reference.tree, reference.shapes, control)
+    pairs = filtered_pairs(tree, reference.shapes, control)
     filtered = {frozenset(pair) for pair in pairs}
     for one, two in itertools.combinations(solid, 2):
         if frozenset((one, two)) in filtered:

@@ -190,10 +190,10 @@ class Excite(Step):
 
 def _range(joint: Joint, pose: dict[str, float]) -> tuple[float, float]:
     """(middle, reach) of the command, rad or m."""
-    lower, upper = joint.limits.lower, joint.limits.upper
     most, middle = WIDEST.get(joint.kind, 0.6), pose.get(joint.name, 0.0)
-    if joint.kind == "continuous" or lower is None or upper is None:
+    if joint.range is None:
         return middle, most
+    lower, upper = joint.range
     quarter = (upper - lower) / 4.0
     middle = min(max(middle, lower + quarter), upper - quarter)
     return middle, min(most, ROOM * min(middle - lower, upper - middle))

@@ -23,8 +23,9 @@ from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import KeyedError
-from assetbuild.robot.identify import Identify, by_joint
+from assetbuild.robot.identify import Identify
 from assetbuild.robot.model import Tree
+from assetbuild.robot.ranges import by_joint
 
 
 def identify(

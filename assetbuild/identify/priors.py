@@ -11,10 +11,11 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.identify.record import OF_JOINTS
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.identify import Fit, Recorded, by_joint
+from assetbuild.robot.identify import Fit, Recorded
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import of_same_effort
 from assetbuild.robot.model import Actuator, Control, Keyframe
+from assetbuild.robot.ranges import by_joint
 
 POSITION = ("pd", "ideal_pd", "dc_motor")
 """Models whose kp and kd are those of a position controller."""

@@ -308,10 +308,8 @@ def _still(joints: Sequence[str], position: Array, target: Array) -> Iterator[Su
 def _outside(tree: Tree, joints: Sequence[str], position: Array) -> Iterator[Suspicion]:
     for i, name in enumerate(joints):
         joint = tree.by_joint[name]
-        lower, upper = joint.limits.lower, joint.limits.upper
-        unlimited = joint.kind == "continuous" or lower is None or upper is None
-        if unlimited or lower is None or upper is None:
-            lower, upper = (-math.inf, math.inf) if joint.kind == "prismatic" else (-100.0, 100.0)
+        endless = math.inf if joint.kind == "prismatic" else 100.0
+        lower, upper = joint.range or (-endless, endless)
         low, high = (float(v) for v in np.quantile(position[:, i], (0.005, 0.995)))
         if lower - OUTSIDE <= low and high <= upper + OUTSIDE:
             continue

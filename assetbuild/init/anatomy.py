@@ -28,7 +28,7 @@ from assetbuild.init.wheels import (
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.tree import chain_to, forward_kinematics
 
 Role = TurningRole | Literal["leg", "finger", "arm"]
 
@@ -195,16 +195,6 @@ def _own_length(tree: Tree, body: str) -> float:
     """About how far a body reaches beyond its origin: twice the way to its centre of mass."""
     inertial = tree.by_body[body].inertial
     return 2.0 * float(np.linalg.norm(inertial.com_m)) if inertial else 0.0
-
-
-def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
-    """The joints from the root down to a body."""
-    chain: list[Joint] = []
-    while body in tree.joint_above:
-        joint = tree.joint_above[body]
-        chain.append(joint)
-        body = joint.parent
-    return tuple(chain[::-1])
 
 
 # --- legs -----------------------------------------------------------------------------------

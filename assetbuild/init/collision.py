@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from assetbuild.facts.derived import SOLIMP
+from assetbuild.grouping import grouped
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
@@ -79,10 +80,8 @@ def put_collision(
 
 def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
     """Links with a rule of their own, one comment for each kind of it."""
-    alike: dict[str, list[str]] = {}
     rules = _rules(robot, anatomy)
-    for link, (rule, reason) in rules.items():
-        alike.setdefault(f"{inline(rule)} {reason}", []).append(link)
+    alike = grouped(rules, lambda link: f"{inline(rules[link][0])} {rules[link][1]}")
     for links in alike.values():
         rule, reason = rules[links[0]]
         for number, pattern in enumerate(patterns_of(links, list(robot.links.by_body))):

@@ -305,7 +305,7 @@ def _felt(
     torque, left_over = holding_torques(robot, feet)
     if legs and tree.base == "floating" and left_over > 0.05:
         torque = {}  # it would tip over, so nothing is held; without legs the ground bears it
-    felt, inertias, tipping = {}, robot.effective_inertia, _tipping(tree, robot, legs)
+    felt, inertias, tipping = {}, robot.effective_inertia(), _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0

@@ -35,10 +35,11 @@ from assetbuild.robot.contradictions import (
     Extent,
     beyond_reach,
     contradictions,
+    reach_of,
     twins_apart,
 )
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.inertia import principal_moments
+from assetbuild.robot.inertia import move_inertial, principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array, vec3
 from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShape, SourceShapes
@@ -340,7 +341,8 @@ class Weighed:
         links, tree = self.robot.links, self.robot.tree
         bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
         wrong = {*beyond_reach(links, self.by_link)}
-        wrong |= {pair.wrong.name for pair in twins_apart(links, self.by_link) if pair.sure}
+        twins = twins_apart(links, self.by_link)
+        wrong |= {each.subject.removeprefix("link ") for each in twins if each.data["sure"]}
         beyond = beyond_reach(tree, self.by_body)
         wrong |= {link for body in beyond for link in self.robot.links_of(body)
                   if self._is_beyond(link, body)}  # fmt: skip
@@ -355,9 +357,8 @@ class Weighed:
         inertial = self.robot.links.by_body[link].inertial
         if inertial is None:
             return False
-        X_body_link = self.robot.tree.placement(link)[1]
-        away = self.by_body[body].points - X_body_link.apply(inertial.com_m)
-        reach = float(np.linalg.norm(away, axis=1).max())
+        moved = move_inertial(inertial, self.robot.tree.placement(link)[1])
+        reach = reach_of(moved, self.by_body[body])
         largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
         return largest > FACTOR * inertial.mass_kg * reach**2
 

@@ -40,7 +40,7 @@ from assetbuild.init.strength import bounds, with_efforts
 from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
@@ -252,7 +252,7 @@ def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mappin
     """
     tree, control = source.robot.tree, source.control
     pose = tuning.pose if tuning else home_pose(_commanded(tree, control), anatomy.legs)
-    chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
+    chain = joints_of(tree, placed_loops(tree, control.loops))
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: q for name, q in pose.items() if name not in chain - driven}
 

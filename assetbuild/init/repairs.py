@@ -17,6 +17,7 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
+from assetbuild.grouping import grouped
 from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
 from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
 from assetbuild.mesh.primitives import volume_of
@@ -77,9 +78,7 @@ def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
 
 def put_repairs(draft: Draft, robot: InspectedRobot, needed: Sequence[Repair]) -> None:
     """The section `edits`; nothing where none is needed."""
-    alike: dict[str, list[Repair]] = {}
-    for repair in needed:
-        alike.setdefault(f"{repair.edit} {inline(repair.keys)}", []).append(repair)
+    alike = grouped(needed, lambda repair: f"{repair.edit} {inline(repair.keys)}")
     draft.note(*EDITS * bool(alike), at=("edits",))
     for first, *others in alike.values():
         names = tuple(dict.fromkeys(repair.on for repair in (first, *others)))

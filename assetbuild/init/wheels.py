@@ -109,12 +109,11 @@ def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
 
 def turns_freely(robot: InspectedRobot, joint: Joint) -> bool:
     """Whether no limit stops the joint: it has none, or none that could be meant."""
-    lower, upper = joint.limits.lower, joint.limits.upper
     if joint.kind != "revolute":
         return joint.kind == "continuous"
-    if joint.name in {*robot.unranged, *zeroed(robot.links)} or lower is None or upper is None:
+    if joint.name in {*robot.unranged, *zeroed(robot.links)} or joint.range is None:
         return True
-    return upper - lower > ENDLESS_RAD
+    return joint.range[1] - joint.range[0] > ENDLESS_RAD
 
 
 # --- wheels ---------------------------------------------------------------------------------

@@ -30,6 +30,7 @@ from assetbuild.facts.reader import UNREADABLE
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.measure_assets import MeasureAssets
+from assetbuild.grouping import grouped
 from assetbuild.pipeline.writers import StatedRecipe, code_of_writers, writer_kinds
 from assetbuild.plugin_types import Target
 from assetbuild.robot.codec import encode
@@ -280,9 +281,8 @@ class Held:
 
 def held_meshes(bundle: Path, wanted: Mapping[str, str]) -> dict[str, Held]:
     """File -> the copy that is as it was built, else any. wanted: file -> its SHA-256."""
-    copies: dict[str, list[Path]] = {}
-    for path in sorted(path for path in bundle.rglob("*") if path.name in wanted):
-        copies.setdefault(path.name, []).append(path)
+    paths = sorted(path for path in bundle.rglob("*") if path.name in wanted)
+    copies = grouped(paths, lambda path: path.name)
     return {
         name: _best(bundle, paths, wanted[name])
         for name, paths in copies.items()

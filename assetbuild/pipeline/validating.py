@@ -16,6 +16,7 @@ from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, StepError, UsageError
 from assetbuild.facts.reference import Reference, robot_named
 from assetbuild.findings import Finding, Rule, worst_first
+from assetbuild.grouping import grouped
 from assetbuild.pipeline.again import ROBOT, prove_again
 from assetbuild.pipeline.judging import evaluate
 from assetbuild.pipeline.opening import Opened, open_session
@@ -30,7 +31,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.twins import parts_of, twins
+from assetbuild.robot.twins import twins
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Outcome, Setting
 from assetbuild.simulators.free_fall import fall_of
@@ -112,9 +113,8 @@ def _proved(bundle: Path) -> dict[str, Validated]:
         proof = reader.prove(reference, file)
         placed = (finding if finding.where else finding.at(name) for finding in proof.findings)
         files[name] = Validated(name, form, tuple(placed))
-    again: dict[str, list[Finding]] = {}
-    for finding in prove_again(bundle, robot, reference):
-        again.setdefault(finding.where.partition(":")[0], []).append(finding)
+    proven = prove_again(bundle, robot, reference)
+    again = grouped(proven, lambda finding: finding.where.partition(":")[0])
     for name, findings in again.items():
         one, rules = files.get(name, Validated(name, "file", ())), {each.rule for each in findings}
         read = (finding for finding in one.findings if finding.rule not in rules)  # without a line
@@ -236,7 +236,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
         for step in (LintLinks(), merge, LintBodies()):
             yield from placed(ports.run(step))
         tree = RobotFiles(ports.folder).tree
-    yield from placed(mirror_findings(twins(parts_of(tree, Control())), Tolerances()))
+    yield from placed(mirror_findings(twins(tree, Control()), Tolerances()))
 
 
 def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:

@@ -149,10 +149,10 @@ def _columns(policy: Policy, bot: Bot) -> Iterator[Column]:
 def _outside(policy: Policy, bot: Bot) -> Iterator[Finding]:
     """A default pose that the joints cannot take is none that anybody trained with."""
     for name in policy.joints:
-        limits = bot.tree.by_joint[name].limits if name in bot.tree.by_joint else None
-        if limits is None or limits.lower is None or limits.upper is None:
+        joint = bot.tree.by_joint.get(name)
+        if joint is None or joint.range is None:
             continue
-        value, (low, high) = policy.position[name], (limits.lower, limits.upper)
+        value, (low, high) = policy.position[name], joint.range
         if not low - SLIP <= value <= high + SLIP:
             text = f"its default position {value:.4g} is outside of its limits"
             yield POSITION(f"joint {name}", f"{text}, {low:.4g} to {high:.4g}")

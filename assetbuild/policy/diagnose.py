@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from assetbuild.grouping import grouped
 from assetbuild.policy.compare import ENGINES, orders_of, sides_of
 from assetbuild.policy.replay import Replay, whole_steps
 from assetbuild.policy.robot import Bot
@@ -202,10 +203,7 @@ def _neighbours(policy: Policy, bot: Bot) -> Iterator[Fault]:
 
 def _kinds(joints: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Each kind of joint on both sides, then each joint: `hip_pitch_joint`."""
-    kinds: dict[str, list[str]] = {}
-    for name in joints:
-        kinds.setdefault(_without_side(name), []).append(name)
-    for stem, names in kinds.items():
+    for stem, names in grouped(joints, _without_side).items():
         if len(names) > 1:
             yield f"`{stem.strip('_')}` of all limbs", tuple(names)
     yield from ((f"`{name}`", (name,)) for name in joints)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import functools
 import json
-import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -19,6 +18,7 @@ from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence, is_waived
+from assetbuild.grouping import grouped
 from assetbuild.report.card import Subject, card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import figures_of, sentence
@@ -129,9 +129,7 @@ def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
 
 def _by_rule(findings: Iterable[Finding]) -> list[Box]:
     """One box for each rule, in order of the worst."""
-    boxes: dict[tuple[str, str], list[Finding]] = {}
-    for finding in findings:
-        boxes.setdefault((finding.severity, finding.rule), []).append(finding)
+    boxes = grouped(findings, lambda finding: (finding.severity, finding.rule))
     return [(severity, rule, same) for (severity, rule), same in boxes.items()]
 
 
@@ -276,10 +274,7 @@ def _plain_pose(pose: Pose) -> dict[str, object]:
 
 
 def _joint(joint: Joint) -> dict[str, object]:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous" or lower is None or upper is None or not lower < upper:
-        upper = 1.0 if joint.kind == "prismatic" else math.pi
-        lower = -upper
+    lower, upper = joint.shown_range
     has_axis = joint.kind in ("revolute", "continuous", "prismatic")
     mimic = joint.mimic
     return {

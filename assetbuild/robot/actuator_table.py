@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from assetbuild.errors import RecipeError, did_you_mean, meant_pattern
+from assetbuild.findings import Finding, Rule
 from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
 
 ActuatorModel = Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"]
@@ -182,6 +183,19 @@ class Actuator:
         """The joint's own numbers."""
         kept = Actuator(self.joint, "passive", damping=self.damping, friction=self.friction)
         return replace(kept, armature=self.armature)
+
+
+def without_stall(rule: Rule, actuators: Iterable[Actuator]) -> Iterator[Finding]:
+    """One finding for all `dc_motor`s whose torque at rest a trainer has to guess."""
+    unstated = [a.joint for a in actuators if a.model == "dc_motor" and a.stall is None]
+    if unstated:
+        yield rule(
+            f"actuator {unstated[0]}",
+            f"the table states no stall torque: {len(unstated)} joints take their effort limit for "
+            "it, so half of the torque is left at half of the velocity limit",
+            hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
+            data={"joints": tuple(unstated)},
+        )
 
 
 Key = tuple[str | int, ...]

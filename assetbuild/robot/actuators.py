@@ -56,6 +56,11 @@ class _Matched:
     row: ActuatorRow
     motor: Motor = field(default=NO_MOTOR)
 
+    @property
+    def is_tuned(self) -> bool:
+        """Whether a natural frequency or a damping ratio makes its gains."""
+        return self.row.frequency is not None or self.row.damping_ratio is not None
+
     def error(self, key: str, message: str, hint: str = "") -> RowError:
         return RowError(
             f"actuators[{self.index}]: {message}", key=("actuators", self.index, key), hint=hint
@@ -89,11 +94,25 @@ def resolve(
             with wrong:
                 _check_units(joint, by_joint[joint.name], by_joint, tree)
     wrong.stop()
-    made = []
-    for joint in tree.moving_joints:
-        matched = by_joint.get(joint.name)
-        made.append(_driven(joint, matched) if matched else joint.undriven)
-    return _with_gains(tree, tuple(made), by_joint, start or {}, loops)
+    made = {
+        joint.name: _driven(joint, by_joint[joint.name])
+        if joint.name in by_joint
+        else joint.undriven
+        for joint in tree.moving_joints
+    }
+    armature = {name: actuator.armature for name, actuator in made.items()}
+    carried: Mapping[str, float] = {}
+    if any(entry.is_tuned and entry.row.inertia == "home" for entry in by_joint.values()):
+        # No position says where a ball joint stands.
+        balls = any(joint.kind == "ball" for joint in tree.joints)
+        carried = felt_inertia(() if balls else loops, dynamics(tree, start or {}, armature))
+    for name, entry in by_joint.items():
+        if entry.is_tuned:
+            inertia = (carried if entry.row.inertia == "home" else armature).get(name, 0.0)
+            made[name] = _tuned(made[name], entry, inertia)
+        if entry.row.ctrl == "reach":
+            made[name] = replace(made[name], ctrl=_reach(entry, tree.by_joint[name], made[name]))
+    return tuple(made.values())
 
 
 def _motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
@@ -121,7 +140,7 @@ def _check_gains(entry: _Matched) -> None:
             raise entry.error("model", f"model `{row.model}` needs {wanted}", f"add {wanted}")
     if row.damping_ratio is not None and row.kp is None and row.frequency is None:
         raise entry.error("damping_ratio", "`damping_ratio` needs `kp` or `frequency` beside it")
-    if row.inertia != "home" and row.frequency is None and row.damping_ratio is None:
+    if row.inertia != "home" and not entry.is_tuned:
         raise entry.error("inertia", "`inertia` says what `frequency` or `damping_ratio` move")
 
 
@@ -254,64 +273,16 @@ def _limit(row: float | str | None, *others: float | None) -> float | None:
     )
 
 
-def _with_gains(
-    tree: Tree,
-    actuators: tuple[Actuator, ...],
-    by_joint: Mapping[str, _Matched],
-    start: Mapping[str, float],
-    loops: Sequence[Loop],
-) -> tuple[Actuator, ...]:
-    """Gains by natural frequency and damping ratio as numbers, and ranges that follow from them."""
-    inertias = _inertias(tree, actuators, by_joint, start, loops)
-    done = []
-    for actuator in actuators:
-        entry = by_joint.get(actuator.joint)
-        if entry is not None:
-            if actuator.joint in inertias:
-                actuator = _tuned(actuator, entry, inertias[actuator.joint])
-            if entry.row.ctrl == "reach":
-                ctrl = _reach(entry, tree.by_joint[actuator.joint], actuator)
-                actuator = replace(actuator, ctrl=ctrl)
-        done.append(actuator)
-    return tuple(done)
-
-
-def _inertias(
-    tree: Tree,
-    actuators: tuple[Actuator, ...],
-    by_joint: Mapping[str, _Matched],
-    start: Mapping[str, float],
-    loops: Sequence[Loop],
-) -> dict[str, float]:
-    """Return the inertia that each joint moves whose gains need it, kg m2 or kg."""
-    wanted = {
-        name: entry
-        for name, entry in by_joint.items()
-        if entry.row.frequency is not None or entry.row.damping_ratio is not None
-    }
-    armature = {actuator.joint: actuator.armature for actuator in actuators}
-    felt: Mapping[str, float] = {}
-    if any(entry.row.inertia == "home" for entry in wanted.values()):
-        # No position says where a ball joint stands.
-        balls = any(joint.kind == "ball" for joint in tree.joints)
-        felt = felt_inertia(() if balls else loops, dynamics(tree, start, armature))
-    inertias = {}
-    for name, entry in wanted.items():
-        inertia = felt.get(name, 0.0) if entry.row.inertia == "home" else armature[name]
-        if not 0.0 < inertia < math.inf:
-            what = "nothing that has mass" if entry.row.inertia == "home" else "no armature"
-            raise entry.error(
-                "frequency" if entry.row.frequency is not None else "damping_ratio",
-                f"joint `{name}` moves {what}: a frequency or damping ratio means nothing",
-                "give kp and kd, or the motor's rotor_inertia",
-            )
-        inertias[name] = inertia
-    return inertias
-
-
 def _tuned(actuator: Actuator, entry: _Matched, inertia: float) -> Actuator:
-    """kp and kd from what the row says and an inertia in kg m2 or kg."""
+    """kp and kd from what the row says and the inertia that the joint moves, kg m2 or kg."""
     row, kp, kd = entry.row, actuator.kp, actuator.kd
+    if not 0.0 < inertia < math.inf:
+        what = "nothing that has mass" if row.inertia == "home" else "no armature"
+        raise entry.error(
+            "frequency" if row.frequency is not None else "damping_ratio",
+            f"joint `{actuator.joint}` moves {what}: a frequency or damping ratio means nothing",
+            "give kp and kd, or the motor's rotor_inertia",
+        )
     if row.frequency is not None:
         kp = inertia * (2.0 * math.pi * row.frequency) ** 2
     if row.damping_ratio is not None:

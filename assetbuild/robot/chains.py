@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import MOVING, Body, Joint, JointKind, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, rotation_of, vec3
 
@@ -76,9 +77,7 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
     left as they are: no simulator can move them.
     """
     occupied = {tree.placement(link)[0] for link in shown} | {frame.body for frame in tree.frames}
-    below: dict[str, list[Joint]] = {}
-    for joint in tree.joints:
-        below.setdefault(joint.parent, []).append(joint)
+    below = grouped(tree.joints, lambda joint: joint.parent)
 
     def passes(body: str) -> bool:
         above, under = tree.joint_above.get(body), below.get(body, [])
@@ -106,14 +105,26 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
     return tuple(chains)
 
 
-def weighs(tree: Tree, body: str) -> bool:
-    """Whether it has mass, or something that fixed joints hold to it: MuJoCo can move it then."""
+def joint_rows(tree: Tree, shown: Collection[str]) -> dict[str, Chain]:
+    """The joints that move each body but the root, as MJCF has them: mostly a single one.
+
+    shown: as for `find_chains`. The links between the joints of a chain have rows too.
+    """
+    rows = {joint.child: Chain((joint,), ()) for joint in tree.joints}
+    return rows | {chain.body: chain for chain in find_chains(tree, shown)}
+
+
+def rigid_with(tree: Tree, body: str) -> list[str]:
+    """The body and all that fixed joints hold to it."""
     held = [body]
     for name in held:  # grows while it is walked
-        if not is_massless(tree.by_body[name]):
-            return True
         held += [j.child for j in tree.joints if j.parent == name and j.kind == "fixed"]
-    return False
+    return held
+
+
+def weighs(tree: Tree, body: str) -> bool:
+    """Whether it has mass, or something that fixed joints hold to it: MuJoCo can move it then."""
+    return not all(is_massless(tree.by_body[name]) for name in rigid_with(tree, body))
 
 
 def is_massless(body: Body) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.dynamics import Dynamics, Motion, motions
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Loop, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -201,9 +201,7 @@ def locked_joints(
         }
         solution = close(tree, loops, {**q, **moved}, names, 1)
         if solution.closed:
-            locked = tuple(
-                j for j in locked if j in _still(tree, loops, solution.positions, locked)
-            )
+            locked = _still(tree, loops, solution.positions, locked)
     return locked
 
 
@@ -212,7 +210,7 @@ def _still(
 ) -> tuple[str, ...]:
     moving = motions(tree, q)
     basis = free_motions(loops, moving.bodies)[moving.free :]
-    held = {joint.name for loop in loops for joint in path_of(tree, loop)}
+    held = joints_of(tree, loops)
     return tuple(
         name
         for name in joints
@@ -247,17 +245,7 @@ REACH = {True: 0.1, False: 1.5}
 
 def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
-    if not loops:
-        return robot.effective_inertia
-    basis = free_motions(loops, robot.bodies)
-    compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
-    compliance = compliance @ basis.T
-    inertias = {}
-    for name in robot.joints:
-        column = robot.column(name)
-        soft = float(compliance[column, column])
-        inertias[name] = 1.0 / soft if soft > 0.0 else np.inf
-    return inertias
+    return robot.effective_inertia(free_motions(loops, robot.bodies) if loops else None)
 
 
 def poses_along(

@@ -56,16 +56,14 @@ Read = Callable[[Any], Any]  # Any: plain JSON to a value, by type hints that my
 @functools.cache
 def reader_of(kind: Any) -> Read:  # Any: as above
     """What turns plain JSON into a value of a type; it raises TypeError or KeyError."""
-    origin = get_origin(kind)
+    origin, args = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return _union_reader(get_args(kind))
+        return _union_reader(args)
     if origin is tuple:
-        return _tuple_reader(get_args(kind))
+        return _tuple_reader(args)
     if origin is Literal:
-        return functools.partial(_one_of, get_args(kind))
-    if _names(kind):
-        return _model_reader(kind)
-    return functools.partial(_plain_value, kind)
+        return functools.partial(_one_of, args)
+    return _model_reader(kind) if _names(kind) else functools.partial(_plain_value, kind)
 
 
 def _one_of(known: tuple[object, ...], raw: object) -> object:
@@ -119,11 +117,7 @@ def _union_reader(kinds: tuple[Any, ...]) -> Read:  # Any: as above
     def read(raw: Any) -> Any:  # Any: as above
         if raw is None and len(options) < len(kinds):
             return None
-        name = raw["type"] if isinstance(raw, dict) and len(options) > 1 else ""
-        readers = [named[name]] if name in named else list(named.values()) if not name else []
-        if len(readers) != 1:
-            raise TypeError(f"no single type for {raw!r}")
-        return readers[0](raw)
+        return named[raw["type"] if len(options) > 1 else options[0].__name__](raw)
 
     return read
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
-from assetbuild.robot.chains import find_chains
+from assetbuild.robot.chains import joint_rows
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 
@@ -35,16 +35,14 @@ class ContactFilter:
     @classmethod
     def of(cls, tree: Tree, shapes: Shapes, control: Control) -> ContactFilter:
         """Rows of joints with massless links between them are joints of one body in MJCF."""
-        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
-        above = {joint.child: joint.parent for joint in tree.joints}
-        above |= {chain.body: chain.parent for chain in chains}
+        rows = joint_rows(tree, {shape.link for shape in shapes.shapes})
         group, carrier = {tree.root: WORLD if tree.base == "fixed" else tree.root}, {}
         for joint in tree.joints:  # parents come first
             if joint.kind == "fixed":
                 group[joint.child] = group[joint.parent]
             else:
                 group[joint.child] = joint.child
-                carrier[joint.child] = group[above[joint.child]]
+                carrier[joint.child] = group[rows[joint.child].parent]
         switched_off = any("filterparent" in item.element for item in control.mjcf_only)
         return cls(group, carrier, not switched_off)
 

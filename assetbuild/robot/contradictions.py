@@ -17,12 +17,12 @@ import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.inertia import matrix_of, principal_moments
 from assetbuild.robot.mimic import without_mimics
 from assetbuild.robot.model import Control, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.robot.twins import Part, parts_of, twins
+from assetbuild.robot.twins import Part, twins
 
 FACTOR = 3.0
 """From here on a value is contradicted. So much of a body may be undrawn: its reach is then 1.7
@@ -75,23 +75,12 @@ class Extent:
         return _ratio(self.moments_m5, other.moments_m5) <= LIKE_MOMENT
 
 
-@dataclass(frozen=True, eq=False)
-class Apart:
-    """Two twins of one shape, of which one is wrong. sure: whether it is known which."""
-
-    wrong: Part
-    right: Part
-    mass_factor: float
-    inertia_factor: float
-    sure: bool
-
-
 def contradictions(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
     """`inertia.reach` and `inertia.twin` of all bodies; extents: by body, of those with shapes."""
     for name, factor in beyond_reach(tree, extents).items():
         inertial = tree.by_body[name].inertial
         assert inertial is not None  # noqa: S101 # it has been compared
-        reach = _reach(inertial, extents[name])
+        reach = reach_of(inertial, extents[name])
         yield REACH(
             f"link {name}",
             f"its inertia is {factor:.3g} times m r² ({inertial.mass_kg:.4g} kg, and the farthest "
@@ -101,35 +90,7 @@ def contradictions(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Findin
             "`set_inertia`",
             data={"factor": factor, "reach_m": reach, "limit": FACTOR},
         )
-    for pair in twins_apart(tree, extents):
-        yield _of_twins(pair)
-
-
-def _of_twins(pair: Apart) -> Finding:
-    wrong, right = pair.wrong, pair.right
-    if pair.mass_factor > FACTOR:
-        message = f"it weighs {wrong.mass:.4g} kg, "
-        message += f"its mirror twin `{right.name}` {right.mass:.4g} kg"
-        factor = pair.mass_factor
-    else:
-        message = (
-            f"its principal moments {_moments_text(wrong)} are {pair.inertia_factor:.3g} times "
-        )
-        message += (
-            f"or more apart from those of its mirror twin `{right.name}`, {_moments_text(right)}"
-        )
-        factor = pair.inertia_factor
-    doubt = "" if pair.sure else "; the source does not show which of the two is wrong"
-    return TWIN(
-        f"link {wrong.name}",
-        f"{message}, though both have one shape (limit {FACTOR:g}){doubt}",
-        "edit `set_inertia` of the side that is wrong, to its twin's",
-        data={"factor": factor, "other": right.name, "limit": FACTOR, "sure": pair.sure},
-    )
-
-
-def _moments_text(part: Part) -> str:
-    return f"({', '.join(f'{v:.3g}' for v in _moments(part))}) kg m²"
+    yield from twins_apart(tree, extents)
 
 
 # --- its own shapes -----------------------------------------------------------------------------
@@ -149,7 +110,7 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
             continue
         if inertial.mass_kg > DENSEST * extent.volume_m3:
             continue
-        scale = inertial.mass_kg * _reach(inertial, extent) ** 2
+        scale = inertial.mass_kg * reach_of(inertial, extent) ** 2
         matrix = matrix_of(inertial.inertia_com_kg_m2)
         one = all(np.linalg.norm(np.cross(axes[0], axis)) < 1e-6 for axis in axes)
         largest = axes[0] @ matrix @ axes[0] if one else np.linalg.eigvalsh(matrix)[-1]
@@ -174,7 +135,8 @@ def _least_felt(tree: Tree) -> dict[str, float]:
     return {name: value if value < math.inf else 0.0 for name, value in felt.items()}
 
 
-def _reach(inertial: Inertial, extent: Extent) -> float:
+def reach_of(inertial: Inertial, extent: Extent) -> float:
+    """From the centre of mass to the farthest point of the shapes, m."""
     return float(np.linalg.norm(extent.points - np.asarray(inertial.com_m), axis=1).max())
 
 
@@ -199,25 +161,43 @@ def _turns(joint: Joint, rotation: Array) -> list[Array]:
 # --- its twin -----------------------------------------------------------------------------------
 
 
-def twins_apart(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Apart]:
-    """Twins of one shape whose masses or principal moments differ by more than `FACTOR`."""
+def twins_apart(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
+    """`inertia.twin` of twins of one shape whose masses or principal moments differ too much."""
     beyond = beyond_reach(tree, extents)
-    for left, right in alike(tree, extents):
-        masses = sorted((left.mass, right.mass))
-        if not masses[0] > 0.0:
+    for pair in alike(tree, extents):
+        low, high = sorted(part.inertial.mass_kg for part in pair)
+        if not low > 0.0:
             continue
-        factor = _ratio(_moments(left), _moments(right))
-        if max(masses[1] / masses[0], factor) <= FACTOR:
+        factor = _ratio(*map(_moments, pair))
+        if max(high / low, factor) <= FACTOR:
             continue
-        blame = [_blame(part, extents.get(part.name), beyond) for part in (left, right)]
+        blame = [_blame(part, extents.get(part.name), beyond) for part in pair]
         sure = blame[0][:2] != blame[1][:2] or abs(blame[0][2] - blame[1][2]) > SURE
-        wrong, other = (left, right) if blame[0] > blame[1] else (right, left)
-        yield Apart(wrong, other, masses[1] / masses[0], factor, sure)
+        wrong, right = pair if blame[0] > blame[1] else pair[::-1]
+        message = (
+            f"its principal moments {_moments_text(wrong)} are {factor:.3g} times or more apart "
+            f"from those of its mirror twin `{right.name}`, {_moments_text(right)}"
+        )
+        if high / low > FACTOR:
+            factor = high / low
+            message = f"it weighs {wrong.inertial.mass_kg:.4g} kg, "
+            message += f"its mirror twin `{right.name}` {right.inertial.mass_kg:.4g} kg"
+        doubt = "" if sure else "; the source does not show which of the two is wrong"
+        yield TWIN(
+            f"link {wrong.name}",
+            f"{message}, though both have one shape (limit {FACTOR:g}){doubt}",
+            "edit `set_inertia` of the side that is wrong, to its twin's",
+            data={"factor": factor, "other": right.name, "limit": FACTOR, "sure": sure},
+        )
+
+
+def _moments_text(part: Part) -> str:
+    return f"({', '.join(f'{v:.3g}' for v in _moments(part))}) kg m²"
 
 
 def alike(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[tuple[Part, Part]]:
     """Left and right parts of one shape, or where neither has a shape."""
-    for left, right in twins(parts_of(tree, Control())).pairs:
+    for left, right in twins(tree, Control()).pairs:
         one, other = extents.get(left.name), extents.get(right.name)
         bare = one is None and other is None
         if bare or (one is not None and other is not None and one.is_like(other)):
@@ -233,15 +213,15 @@ def _blame(
     impossible = bool(a <= 0.0 or a + b <= (1.0 + PLANAR) * c)
     if extent is None or not extent.volume_m3 > 0.0:
         return impossible, part.name in beyond, 0.0
-    even = part.mass * extent.moments_m5 / extent.volume_m3
+    even = part.inertial.mass_kg * extent.moments_m5 / extent.volume_m3
     off = np.abs(np.log(np.maximum(moments, 1e-30) / even))
-    ruled_out = part.name in beyond or part.mass > DENSEST * extent.volume_m3
+    ruled_out = part.name in beyond or part.inertial.mass_kg > DENSEST * extent.volume_m3
     return impossible, ruled_out, float(off.max())
 
 
 def _moments(part: Part) -> Array:
     """(3,) principal, rising, kg m²."""
-    return np.asarray(np.linalg.eigvalsh(part.inertia), dtype=np.float64)
+    return np.asarray(principal_moments(part.inertial.inertia_com_kg_m2))
 
 
 def _ratio(one: Array, other: Array) -> float:

@@ -61,13 +61,14 @@ class Dynamics(Motions):
     mass: Array
     gravity: Array
 
-    @property
-    def effective_inertia(self) -> dict[str, float]:
+    def effective_inertia(self, ways: Array | None = None) -> dict[str, float]:
         """What a torque at one joint accelerates when nothing else pushes: 1 / (M^-1)_ii.
 
-        kg m2 or kg; infinite where nothing moves.
+        kg m2 or kg; infinite where nothing moves. ways: (nv, k), the velocities that loops leave;
+        None = all.
         """
-        inverse = np.linalg.pinv(self.mass, hermitian=True)
+        basis = np.eye(len(self.mass)) if ways is None else ways
+        inverse = basis @ np.linalg.pinv(basis.T @ self.mass @ basis, hermitian=True) @ basis.T
         inertias = {}
         for joint in self.joints:
             compliance = float(inverse[self.column(joint), self.column(joint)])

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
-from assetbuild.robot.ranges import first_match
 
 ParameterName = Literal["armature", "damping", "friction", "kp", "kd", "delay", "effort"]
 ByJoint = NonNegative | dict[Pattern, NonNegative]
 """One number for all joints, or one for each pattern of joints."""
-V = TypeVar("V")
 
 
 class LogFile(Model):
@@ -141,11 +138,6 @@ class Identify(Model):
         if columns.base_position and not columns.base_orientation:
             raise ValueError("`base_position` needs `base_orientation`")
         return self
-
-
-def by_joint(table: V | Mapping[str, V], joint: str) -> V | None:
-    """The number of a joint: the only one, or that of the first pattern that matches."""
-    return first_match(table, joint) if isinstance(table, Mapping) else table
 
 
 UNITS = {

@@ -140,6 +140,8 @@ def triangle_violation(tensor: Tensor) -> float:
     """(C - A - B) / C of the principal moments A <= B <= C: positive when no mass could have them.
 
     1 for a rod without thickness and without error: -1 is a ball. 0 when C is not positive.
+    With the mass it decides whether the pseudo-inertia is positive definite, whatever the origin:
+    its least second moment is (A + B - C) / 2, and moving the origin is a congruence.
     """
     a, b, c = principal_moments(tensor)
     return (c - a - b) / c if c > 0.0 else 0.0
@@ -158,16 +160,6 @@ def pseudo_inertia(inertial: Inertial) -> Array:
     out[:3, 3] = out[3, :3] = first
     out[3, 3] = inertial.mass_kg
     return out
-
-
-def least_second_moment(tensor: Tensor) -> float:
-    """Least eigenvalue of Σ about the centre of mass, kg m²: (A + B - C) / 2.
-
-    With the mass it decides whether the pseudo-inertia is positive definite, whatever the origin:
-    moving the origin is a congruence.
-    """
-    a, b, c = principal_moments(tensor)
-    return (a + b - c) / 2
 
 
 def equivalent_radius(inertial: Inertial) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
@@ -12,9 +12,9 @@ from pydantic import Field, model_validator
 from assetbuild.errors import Gather
 from assetbuild.recipe_types import Model, Name, Positive, Real, Turns
 from assetbuild.robot.actuator_table import RowError
-from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
+from assetbuild.robot.model import MOVING, Joint, Loop, LoopEnd, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
-from assetbuild.robot.tree import link_names, link_placement
+from assetbuild.robot.tree import chain_to, link_names, link_placement
 
 AXIS = "_axis"
 """Of the name of the second `connect` of a hinge."""
@@ -106,7 +106,7 @@ def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
                 key = ("loops", index, side, "link")
                 link_placement(tree, frame.link, f"loops[{index}].{side}", key)
             placed = tuple(placed_loop(tree, loop) for loop in row.loops)
-            if not _joints_between(tree, placed[0]):
+            if not _between(tree, placed[0]):
                 message = f"loops[{index}]: no joint moves between `{row.a.link}` and "
                 message += f"`{row.b.link}`, so loop `{row.name}` holds nothing"
                 raise RowError(message, key=("loops", index), hint=HINT_SAME)
@@ -153,19 +153,13 @@ def site_names(tree: Tree, loops: Sequence[Loop]) -> dict[str, tuple[str, str]]:
     return sites
 
 
-def path_of(tree: Tree, loop: Loop) -> tuple[Joint, ...]:
-    """The moving joints of the tree between the two bodies of a loop, in tree order."""
-    between = _joints_between(tree, loop)
-    return tuple(joint for joint in tree.moving_joints if joint.name in between)
+def joints_of(tree: Tree, loops: Iterable[Loop]) -> set[str]:
+    """Names of the moving joints of the tree between the two bodies of each of these loops."""
+    between = (joint for loop in loops for joint in _between(tree, loop))
+    return {joint.name for joint in between if joint.kind in MOVING}
 
 
-def _joints_between(tree: Tree, loop: Loop) -> set[str]:
+def _between(tree: Tree, loop: Loop) -> set[Joint]:
     """All joints but fixed ones."""
-    a, b = (set(_joints_above(tree, end.body)) for end in loop.ends)
-    return {joint.name for joint in a ^ b if joint.kind != "fixed"}
-
-
-def _joints_above(tree: Tree, body: str) -> Iterator[Joint]:
-    while (joint := tree.joint_above.get(body)) is not None:
-        yield joint
-        body = joint.parent
+    a, b = (set(chain_to(tree, end.body)) for end in loop.ends)
+    return {joint for joint in a ^ b if joint.kind != "fixed"}

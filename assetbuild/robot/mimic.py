@@ -47,17 +47,15 @@ def common_range(tree: Tree, leader: Joint) -> tuple[float, float] | None:
     A follower whose two limits are equal states no range. None = the leader has no limits; lower
     is above upper where no position suits all.
     """
-    lower, upper = leader.limits.lower, leader.limits.upper
-    if lower is None or upper is None:
+    if leader.range is None:
         return None
+    lower, upper = leader.range
     for joint in tree.moving_joints:
         own_leader, factor, offset = leading(tree, joint)
-        ends = joint.limits.lower, joint.limits.upper
-        if joint.mimic is None or own_leader.name != leader.name or not has_range(joint):
-            continue
-        if factor != 0.0:
-            at = sorted((end - offset) / factor for end in ends if end is not None)
-            lower, upper = max(lower, at[0]), min(upper, at[1])
+        follows = joint.mimic is not None and own_leader.name == leader.name
+        if follows and factor != 0.0 and joint.range and not joint.is_locked:
+            low, high = sorted((end - offset) / factor for end in joint.range)
+            lower, upper = max(lower, low), min(upper, high)
     return lower, upper
 
 

@@ -18,8 +18,11 @@ from pydantic import Field
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.recipe_types import Model, Positive
+from assetbuild.robot.inertia import matrix_of, principal_moments
+from assetbuild.robot.model import Inertial, Joint
 from assetbuild.robot.pose import Array
-from assetbuild.robot.twins import PLACE_M, Motion, Part, Twins
+from assetbuild.robot.tree import unit_of
+from assetbuild.robot.twins import PLACE_M, Part, Twins
 
 SLIP = 2.0
 """Times the twin's value: more than two builds of one part differ by."""
@@ -91,107 +94,122 @@ class Tolerances(Model):
     )
 
 
+Difference = tuple[Rule, str, str, Mapping[str, Scalar], bool]
+"""What two twins differ in: rule, message, hint, numbers, and whether a slip explains it."""
+
+
 def mirror_findings(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
     """All that two twins differ in by more than allowed, right against left."""
     for left, right in twins.pairs:
-        if left.mass > 0.0 and right.mass > 0.0:
-            yield from _masses(left, right, twins.flip, allowed)
-        if len(left.joints) == len(right.joints):
-            for one, other in zip(left.joints, right.joints, strict=True):
-                if one.turns == other.turns:
-                    yield from _motions(one, other, twins.flip, allowed)
-                    yield from _drives(one, other, allowed)
+        one, other = left.joint, right.joint
+        found = [(f"link {right.name}", left.name, _masses(left, right, twins.flip, allowed))]
+        if one and other and unit_of(one) == unit_of(other):
+            motions = _motions(left, one, right, other, twins.flip, allowed)
+            found.append((f"joint {other.name}", one.name, motions))
+            drives = _drives(left, one.name, right, allowed)
+            found.append((f"actuator {other.name}", one.name, drives))
+        for subject, twin, differences in found:
+            for rule, message, hint, data, slip in differences:
+                severity: Severity = "warning" if slip else "info"
+                data = {**data, "other": twin}
+                yield rule(subject, message, hint, severity=severity, data=data)
 
 
-def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
-    low, high = sorted((left.mass, right.mass))
+def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterator[Difference]:
+    one, other = left.inertial, right.inertial
+    if not (one.mass_kg > 0.0 and other.mass_kg > 0.0):
+        return
+    low, high = sorted((one.mass_kg, other.mass_kg))
     if (high - low) / high > allowed.mass:
-        message = f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg"
+        message = f"{other.mass_kg:.4g} kg, but `{left.name}` has {one.mass_kg:.4g} kg"
         hint = "`edits: set_mass` corrects the side that is wrong"
-        data = {"mass_kg": right.mass, "mass_of_other_kg": left.mass}
-        yield _finding(MASS, "link", left, right, message, hint, data, slip=high >= SLIP * low)
-    away = float(np.linalg.norm(flip @ left.com - right.com))
+        data = {"mass_kg": other.mass_kg, "mass_of_other_kg": one.mass_kg}
+        yield MASS, message, hint, data, high >= SLIP * low
+    away = float(np.linalg.norm(flip @ one.com_m - other.com_m))
     if away > allowed.center:
         apart = f"{1e3 * away:.3g} mm"
         message = f"its centre of mass is {apart} from the mirror image of `{left.name}`'s"
         hint = "is a sign wrong, or the same part on both sides? `edits: set_inertia` corrects it"
-        yield _finding(CENTER, "link", left, right, message, hint, {"distance_m": away})
-    wanted = flip @ left.inertia @ flip
-    low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (right.inertia, wanted))
-    difference = float(np.linalg.norm(wanted - right.inertia)) / (high or 1.0)
+        yield CENTER, message, hint, {"distance_m": away}, False
+    wanted = flip @ matrix_of(one.inertia_com_kg_m2) @ flip
+    found = matrix_of(other.inertia_com_kg_m2)
+    low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (found, wanted))
+    difference = float(np.linalg.norm(wanted - found)) / (high or 1.0)
     if difference > allowed.inertia:
         message = (
-            f"its inertia (largest {_largest(right):.3g} kg m²) is {difference:.0%} off the mirror "
-            f"image of `{left.name}`'s (largest {_largest(left):.3g} kg m²)"
+            f"its inertia (largest {_largest(other):.3g} kg m²) is {difference:.0%} off the mirror "
+            f"image of `{left.name}`'s (largest {_largest(one):.3g} kg m²)"
         )
         hint = "has a product of inertia the wrong sign? `edits: set_inertia` corrects it"
-        data, slip = {"relative": difference}, high >= SLIP**2 * low
-        yield _finding(INERTIA, "link", left, right, message, hint, data, slip=slip)
+        yield INERTIA, message, hint, {"relative": difference}, high >= SLIP**2 * low
 
 
-def _largest(part: Part) -> float:
+def _largest(inertial: Inertial) -> float:
     """kg m2, principal moment."""
-    return max(0.0, float(np.linalg.eigvalsh(part.inertia)[-1]))
+    return max(0.0, principal_moments(inertial.inertia_com_kg_m2)[2])
 
 
-def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
-    cosine = float(np.clip(image(left, flip) @ right.axis, -1.0, 1.0))
+def _motions(
+    left: Part, one: Joint, right: Part, other: Joint, flip: Array, allowed: Tolerances
+) -> Iterator[Difference]:
+    """left, right: the bodies that the joints `one` and `other` carry."""
+    wanted = flip @ left.X_root_body.rotation @ one.axis
+    if one.kind != "prismatic":
+        wanted = -wanted  # a turn is a pseudo-vector
+    axis = right.X_root_body.rotation @ other.axis
+    cosine = float(np.clip(wanted @ axis, -1.0, 1.0))
     angle = float(np.arccos(abs(cosine)))
     if angle > allowed.axis:
         off = f"{np.degrees(angle):.3g} degrees"
-        message = f"its axis is {off} off the mirror image of `{left.name}`'s"
+        message = f"its axis is {off} off the mirror image of `{one.name}`'s"
         hint = "edit `flip_axis` turns an axis round; a tilt stands in the source"
-        yield _finding(AXES, "joint", left, right, message, hint, {"angle_rad": angle})
+        yield AXES, message, hint, {"angle_rad": angle}, False
         return
     sign = 1.0 if cosine > 0.0 else -1.0
-    finding = _limits(left, right, sign, allowed.limits)
-    if finding is not None:
-        yield finding
-    if finding is None or finding.severity != "warning":
-        yield from _home(left, right, sign, allowed.home)
+    is_slip = False
+    for difference in _limits(one, other, sign, allowed.limits):
+        yield difference
+        is_slip = difference[-1]
     # A joint that counts the wrong way has the wrong pose too, and one finding is enough.
+    if left.home is None or right.home is None or is_slip:
+        return
+    expected = sign * left.home
+    if abs(expected - right.home) > allowed.home:
+        # A smaller angle has no sign to mistake.
+        slip = abs(expected + right.home) <= allowed.home < 0.1 * abs(expected)
+        message = f"the initial keyframe has it at {right.home:g} {unit_of(other)}; as the mirror "
+        message += f"image of `{one.name}` it would be at {expected:g}"
+        hint = "correct the keyframe, unless the pose leans on purpose"
+        yield HOME, message, hint, {"position": right.home, "mirrored": expected}, slip
 
 
-def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Finding | None:
+def _limits(left: Joint, right: Joint, sign: float, tolerance: float) -> Iterator[Difference]:
     hint, slip = "edit `set_limits`, of the side that is wrong", False
-    if left.limits is None or right.limits is None:
-        if left.limits == right.limits:
-            return None
-        one, other = (left, right) if left.limits is None else (right, left)
+    if left.range is None or right.range is None:
+        if left.range == right.range:
+            return
+        one, other = (left, right) if left.range is None else (right, left)
         message = f"`{one.name}` has no limits, but `{other.name}` has {_range_text(other)}"
     else:
-        wanted = _turned(left.limits, sign)
-        if _apart(wanted, right.limits) <= tolerance:
-            return None
+        wanted = _turned(left.range, sign)
+        if _apart(wanted, right.range) <= tolerance:
+            return
         message = f"its range is {_range_text(right)}, but as the mirror image of `{left.name}` it "
-        message += f"would be {wanted[0]:g} to {wanted[1]:g} {right.unit}"
-        slip = _apart(_turned(wanted, -1.0), right.limits) <= tolerance
+        message += f"would be {wanted[0]:g} to {wanted[1]:g} {unit_of(right)}"
+        slip = _apart(_turned(wanted, -1.0), right.range) <= tolerance
     if slip:
         message += ": the limits of left and right are swapped, or an axis points the wrong way"
         turned = f"flip_axis: {{joint: {right.name}, limits: keep}}"
         hint = f"`set_limits` for swapped limits; `{turned}`, or of the other, for an axis"
     data: dict[str, Scalar] = {}
     for joint, ending in ((left, "_of_other"), (right, "")):
-        if joint.limits is not None:
-            data |= {f"lower{ending}": joint.limits[0], f"upper{ending}": joint.limits[1]}
-    return _finding(LIMITS, "joint", left, right, message, hint, data, slip=slip)
+        if joint.range is not None:
+            data |= {f"lower{ending}": joint.range[0], f"upper{ending}": joint.range[1]}
+    yield LIMITS, message, hint, data, slip
 
 
-def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterator[Finding]:
-    if left.home is None or right.home is None:
-        return
-    wanted = sign * left.home
-    if abs(wanted - right.home) <= tolerance:
-        return
-    slip = abs(wanted + right.home) <= tolerance < 0.1 * abs(wanted)  # less has no sign to mistake
-    message = f"the initial keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
-    message += f"`{left.name}` it would be at {wanted:g}"
-    hint = "correct the keyframe, unless the pose leans on purpose"
-    data = {"position": right.home, "mirrored": wanted}
-    yield _finding(HOME, "joint", left, right, message, hint, data, slip=slip)
-
-
-def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Finding]:
+def _drives(left: Part, twin: str, right: Part, allowed: Tolerances) -> Iterator[Difference]:
+    """twin: the joint on the left."""
     for name, value in right.drive.items():
         other = left.drive.get(name, value)  # not there: measured
         if value == other:
@@ -200,26 +218,9 @@ def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Findin
         small, large = min(values), max(values)
         if np.isfinite(large) and large - small <= allowed.gains * large:
             continue
-        message = f"its {name} is {_value(value)}, but that of `{left.name}` is {_value(other)}"
-        hint, slip = "one row of `actuators` for both", large >= SLIP * small
+        message = f"its {name} is {_value(value)}, but that of `{twin}` is {_value(other)}"
         data = {"of": name, "value": value, "value_of_other": other}
-        yield _finding(GAINS, "actuator", left, right, message, hint, data, slip=slip)
-
-
-def _finding(
-    rule: Rule,
-    kind: str,
-    left: Part | Motion,
-    right: Part | Motion,
-    message: str,
-    hint: str,
-    data: Mapping[str, Scalar],
-    *,
-    slip: bool = False,
-) -> Finding:
-    severity: Severity = "warning" if slip else "info"
-    whole = {**data, "other": left.name}
-    return rule(f"{kind} {right.name}", message, hint, severity=severity, data=whole)
+        yield GAINS, message, "one row of `actuators` for both", data, large >= SLIP * small
 
 
 def _turned(limits: tuple[float, float], sign: float) -> tuple[float, float]:
@@ -230,15 +231,10 @@ def _apart(a: tuple[float, float], b: tuple[float, float]) -> float:
     return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
 
 
-def _range_text(joint: Motion) -> str:
-    low, high = joint.limits or (-np.inf, np.inf)
-    return f"{low:g} to {high:g} {joint.unit}"
+def _range_text(joint: Joint) -> str:
+    low, high = joint.bounds
+    return f"{low:g} to {high:g} {unit_of(joint)}"
 
 
 def _value(value: float | None) -> str:
     return "unlimited" if value is None else f"{value:g}"
-
-
-def image(joint: Motion, flip: Array) -> Array:
-    """(3,) the axis of the mirror image: a turn is a pseudo-vector."""
-    return np.asarray((-1.0 if joint.turns else 1.0) * (flip @ joint.axis))

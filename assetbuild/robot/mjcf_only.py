@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
 from assetbuild.robot.model import Actuator, Control, MjcfOnly
@@ -16,6 +16,14 @@ SPRING_WORDS = ("stiffness", "springref")
 def parsed(item: MjcfOnly) -> Element:
     """The element of an item."""
     return ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+
+
+def without(item: MjcfOnly, keys: Iterable[str]) -> MjcfOnly:
+    """The item without some of its attributes."""
+    element = parsed(item)
+    for key in keys:
+        element.attrib.pop(key, "")
+    return replace(item, element=ElementTree.tostring(element, "unicode"))
 
 
 def root_pose(items: Iterable[MjcfOnly], fixed: Pose = IDENTITY) -> Pose:
@@ -84,12 +92,6 @@ def no_drives(control: Control) -> dict[str, str]:
     return reasons
 
 
-def spring_list(springs: Mapping[str, Spring]) -> str:
-    """`knee` (30), `ankle` (5), ..."""
-    names = [f"`{joint}` ({spring.text})" for joint, spring in springs.items()]
-    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
-
-
 EFFORT_WORDS: Mapping[str, tuple[str, ...]] = {
     "joint": ("actuatorfrcrange", "actuatorfrclimited"),
     "drive": ("forcerange", "forcelimited", "ctrlrange", "ctrllimited"),
@@ -104,13 +106,9 @@ def of_same_effort(
     for item in items:
         old, new = before.get(item.owner), now.get(item.owner)
         if item.place in EFFORT_WORDS and old and (new is None or new.effort != old.effort):
-            element = parsed(item)
-            kept = {k: v for k, v in element.attrib.items() if k not in EFFORT_WORDS[item.place]}
-            if not kept:
+            item = without(item, EFFORT_WORDS[item.place])
+            if not parsed(item).attrib:
                 continue
-            if len(kept) < len(element.attrib):
-                text = ElementTree.tostring(ElementTree.Element(element.tag, kept), "unicode")
-                item = MjcfOnly(item.place, text, item.owner)
         yield item
 
 

@@ -11,6 +11,7 @@ It is stored as separate artefacts, so that a new gain leaves geometry alone and
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -113,10 +114,15 @@ class Joint:
     @property
     def range(self) -> tuple[float, float] | None:
         """(lower, upper), rad or m, where it has both."""
-        lower, upper = self.limits.lower, self.limits.upper
-        if self.kind == "continuous" or lower is None or upper is None:
-            return None
-        return lower, upper
+        return self.bounds if all(map(math.isfinite, self.bounds)) else None
+
+    @property
+    def shown_range(self) -> tuple[float, float]:
+        """The range; where it states none that opens, half a turn or 1 m to both sides."""
+        if self.range is not None and self.range[0] < self.range[1]:
+            return self.range
+        far = 1.0 if self.kind == "prismatic" else math.pi
+        return -far, far
 
     @property
     def is_locked(self) -> bool:
@@ -188,6 +194,11 @@ class Tree:
     def moving_joints(self) -> tuple[Joint, ...]:
         """Joints with one coordinate, in tree order."""
         return tuple(joint for joint in self.joints if joint.kind in MOVING)
+
+    def with_inertials(self, inertials: Mapping[str, Inertial]) -> Tree:
+        """The tree with other mass properties of some bodies, by name."""
+        bodies = (replace(b, inertial=inertials.get(b.name, b.inertial)) for b in self.bodies)
+        return replace(self, bodies=tuple(bodies))
 
     def placement(self, link: str) -> tuple[str, Pose]:
         """(body, X_body_link) of a link of the source; KeyError when there is none."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.tree import depth_first as limb_by_limb
 
 BUS = "bus"
 
@@ -29,13 +31,8 @@ def joint_orders(tree: Tree, bus: Sequence[str] = ()) -> dict[str, tuple[str, ..
 
 def depth_first(tree: Tree) -> tuple[str, ...]:
     """The moving joints limb by limb, those of one link by their names in USD."""
-    counted, order = set(tree.by_joint), list[Joint]()
-    waiting = _next(tree, tree.root, counted)[::-1]
-    while waiting:
-        order.append(waiting.pop())
-        waiting += _next(tree, order[-1].child, counted)[::-1]
     moving = {joint.name for joint in tree.moving_joints}
-    return tuple(joint.name for joint in order if joint.name in moving)
+    return tuple(joint.name for joint in _walk(tree, tree.by_joint) if joint.name in moving)
 
 
 def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[str, ...]:
@@ -44,24 +41,25 @@ def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[s
     counted: those of a robot in which the others do not move; None = all.
     """
     moving = {joint.name for joint in tree.moving_joints}
-    counted = set(tree.by_joint) if counted is None else set(counted)
-    order, level = list[str](), [tree.root]
-    while level:
-        joints = [joint for body in level for joint in _next(tree, body, counted)]
-        order += [joint.name for joint in joints if joint.name in moving]
-        level = [joint.child for joint in joints]
-    return tuple(order)
+    joints = _walk(tree, tree.by_joint if counted is None else {*counted})
+    distance = {tree.root: 0}
+    for joint in joints:
+        distance[joint.child] = distance[joint.parent] + 1
+    by_distance = sorted(joints, key=lambda joint: distance[joint.child])
+    return tuple(joint.name for joint in by_distance if joint.name in moving)
 
 
-def _next(tree: Tree, body: str, counted: Collection[str]) -> list[Joint]:
-    """The nearest joints below a body that count, as USD's readers sort them."""
-    return sorted(_below(tree, body, counted), key=lambda joint: _in_usd(joint.name))
-
-
-def _below(tree: Tree, body: str, counted: Collection[str]) -> Iterator[Joint]:
-    for joint in tree.joints:
-        if joint.parent == body:
-            yield from [joint] if joint.name in counted else _below(tree, joint.child, counted)
+def _walk(tree: Tree, counted: Collection[str]) -> tuple[Joint, ...]:
+    """The joints that count, limb by limb, as USD's readers sort them; all others are rigid."""
+    held_by = {tree.root: tree.root}
+    for joint in tree.joints:  # parents come first
+        held_by[joint.child] = joint.child if joint.name in counted else held_by[joint.parent]
+    joints = [
+        replace(joint, parent=held_by[joint.parent])
+        for joint in sorted(tree.joints, key=lambda joint: _in_usd(joint.name))
+        if joint.name in counted
+    ]
+    return limb_by_limb(tree.root, joints)[1]
 
 
 def _in_usd(name: str) -> str:

@@ -9,6 +9,11 @@ from typing import Annotated, TypeVar
 from pydantic import AfterValidator, Field
 
 from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
+from assetbuild.robot.model import Tree
+
+Ranges = TypeVar("Ranges")
+Group = tuple[str, Ranges, tuple[str, ...]]
+"""A pattern, its ranges, and the names that they are of."""
 
 
 def _rising(pair: tuple[float, float]) -> tuple[float, float]:
@@ -81,8 +86,13 @@ class Randomize(Model):
         None, description="bounce of all collision geometry; for Isaac Lab, MuJoCo has none"
     )
 
+    def of_bodies(self, tree: Tree) -> list[Group[RandomMatter]]:
+        """The ranges of `links`, each with the bodies that have mass and that it is of."""
+        return first_match_groups(self.links, [b.name for b in tree.bodies if not b.is_massless])
 
-Ranges = TypeVar("Ranges")
+    def of_joints(self, tree: Tree) -> list[Group[RandomJoint]]:
+        """The ranges of `joints`, each with the moving joints that it is of."""
+        return first_match_groups(self.joints, [joint.name for joint in tree.moving_joints])
 
 
 def first_match(table: Mapping[str, Ranges], name: str) -> Ranges | None:
@@ -90,10 +100,13 @@ def first_match(table: Mapping[str, Ranges], name: str) -> Ranges | None:
     return next((value for pattern, value in table.items() if re.fullmatch(pattern, name)), None)
 
 
-def first_match_groups(
-    table: Mapping[str, Ranges], names: Iterable[str]
-) -> list[tuple[str, Ranges, tuple[str, ...]]]:
-    """(pattern, ranges, the names that they are of), in the table's order; none without names."""
+def by_joint(table: Ranges | Mapping[str, Ranges], joint: str) -> Ranges | None:
+    """What holds for a joint: the same for all, or that of the first pattern that matches."""
+    return first_match(table, joint) if isinstance(table, Mapping) else table
+
+
+def first_match_groups(table: Mapping[str, Ranges], names: Iterable[str]) -> list[Group[Ranges]]:
+    """The rows of a table in its order; none without names."""
     left, rows = list(names), []
     for pattern, ranges in table.items():
         matched = tuple(name for name in left if re.fullmatch(pattern, name))

@@ -94,7 +94,7 @@ def bare_inertia(tree: Tree, control: Control) -> dict[str, float]:
     MuJoCo's `1 / dof_invweight0`: no coupling counts. Joints that move nothing are left out.
     """
     armature = {row.joint: row.armature for row in control.actuators}
-    inertias = dynamics(without_mimics(tree), {}, armature).effective_inertia
+    inertias = dynamics(without_mimics(tree), {}, armature).effective_inertia()
     return {name: value for name, value in inertias.items() if 0.0 < value < math.inf}
 
 
@@ -106,7 +106,7 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
     has none; a follower moves what its leader does, geared.
     """
     armature = {row.joint: row.armature for row in control.actuators}
-    inertia = dynamics(tree, {}, armature).effective_inertia
+    inertia = dynamics(tree, {}, armature).effective_inertia()
     by_joint, springs = dict(control.soft_limits), {}
     for joint in tree.moving_joints:
         leader, gear, _ = leading(tree, joint)

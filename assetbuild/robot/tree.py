@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.errors import did_you_mean
+from assetbuild.grouping import grouped
 from assetbuild.robot.actuator_table import Key, RowError
 from assetbuild.robot.inertia import combine, move_inertial
 from assetbuild.robot.model import Body, Frame, Joint, Tree
@@ -40,17 +41,15 @@ def depth_first(root: str, joints: Iterable[Joint]) -> tuple[tuple[str, ...], tu
 
     Links that no joint connects to the root are absent.
     """
-    below: dict[str, list[Joint]] = defaultdict(list)
-    for joint in joints:
-        below[joint.parent].append(joint)
+    below = grouped(joints, lambda joint: joint.parent)
     links: list[str] = [root]
     ordered: list[Joint] = []
-    stack = below[root][::-1]
+    stack = below.get(root, [])[::-1]
     while stack:
         joint = stack.pop()
         ordered.append(joint)
         links.append(joint.child)
-        stack += below[joint.child][::-1]
+        stack += below.get(joint.child, [])[::-1]
     return tuple(links), tuple(ordered)
 
 
@@ -85,6 +84,15 @@ def link_placement(tree: Tree, link: str, place: str, key: Key) -> tuple[str, Po
     except KeyError:
         hint = did_you_mean(link, link_names(tree))
         raise RowError(f"{place}: no link `{link}`", key=key, hint=hint) from None
+
+
+def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
+    """The joints from the root down to a body."""
+    chain: list[Joint] = []
+    while body in tree.joint_above:
+        chain.append(tree.joint_above[body])
+        body = chain[-1].parent
+    return tuple(chain[::-1])
 
 
 def joint_motion(joint: Joint, value: float) -> Pose:
@@ -135,11 +143,8 @@ def sample_positions(tree: Tree, count: int, seed: int) -> list[dict[str, float]
     for _ in range(count):
         positions = {}
         for joint in tree.moving_joints:
-            lower, upper = joint.limits.lower, joint.limits.upper
-            if lower is None or upper is None or not lower < upper:
-                upper = 1.0 if joint.kind == "prismatic" else math.pi
-                lower = -upper
-            elif lower < REACH and upper > -REACH:
+            lower, upper = joint.shown_range
+            if lower < REACH and upper > -REACH:
                 lower, upper = max(lower, -REACH), min(upper, REACH)
             positions[joint.name] = float(random.uniform(lower, upper))
         samples.append(positions)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Tree
+from assetbuild.robot.inertia import move_inertial
+from assetbuild.robot.model import MOVING, Control, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -31,91 +32,44 @@ PLACE_M = 0.005
 """How far a place may be from the mirror image of its twin's."""
 
 
-@dataclass(frozen=True)
-class Motion:
-    """One joint of a part. axis: (3,) in the frame of the root; home: at the initial keyframe.
-
-    limits: None = unlimited. drive: kp, kd, effort, ... by name; None = unlimited or unstated.
-    """
-
-    name: str
-    turns: bool
-    axis: Array
-    limits: tuple[float, float] | None = None
-    home: float | None = None
-    drive: Mapping[str, float | None] = field(default_factory=dict)
-
-    @property
-    def unit(self) -> str:
-        """The unit of the joint's coordinate."""
-        return "rad" if self.turns else "m"
+NOTHING = Inertial(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class Part:
-    """A body with the joints that carry it, all at 0, in the frame of the root.
+    """A body where all joints are at 0, in the frame of the root, and the joint that moves it.
 
-    place, com: (3,) m; inertia: (3, 3) kg m2 about the centre of mass. mass 0: it has none.
+    inertial: of mass 0 where none is stated. joint: None where the body is held, or follows
+    another. home: the joint at the initial keyframe.
+    drive: kp, kd, effort, ... by name; None = unlimited or unstated.
     """
 
     name: str
-    place: Array
-    mass: float = 0.0
-    com: Array = field(default_factory=lambda: np.zeros(3))
-    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    joints: tuple[Motion, ...] = ()
+    X_root_body: Pose
+    inertial: Inertial
+    joint: Joint | None = None
+    home: float | None = None
+    drive: Mapping[str, float | None] = field(default_factory=dict)
 
 
-def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
+def _parts(tree: Tree, control: Control) -> tuple[Part, ...]:
     """Every body of a robot with what the table and the initial keyframe say of its joint."""
     poses = forward_kinematics(tree, {})
     initial = control.initial_keyframe
     home = dict(initial.joints) if initial else {}
     parts = []
     for body in tree.bodies:
-        joint = tree.joint_above.get(body.name)
-        moving = joint is not None and joint in tree.moving_joints and joint.mimic is None
-        motions = (
-            (_motion(joint, poses[body.name], home, control.by_joint.get(joint.name)),)
-            if joint is not None and moving
-            else ()
-        )
-        parts.append(_part(body, poses[body.name], motions))
+        X_root_body, joint = poses[body.name], tree.joint_above.get(body.name)
+        inertial = move_inertial(body.inertial or NOTHING, X_root_body)
+        if joint is None or joint.kind not in MOVING or joint.mimic is not None:
+            parts.append(Part(body.name, X_root_body, inertial))
+            continue
+        source = control.by_joint.get(joint.name) or joint.limits
+        # Measured twins may differ: that is what was found.
+        known = [name for name in DRIVE if name not in getattr(source, "measured", ())]
+        drive = {name: getattr(source, name) for name in known if hasattr(source, name)}
+        parts.append(Part(body.name, X_root_body, inertial, joint, home.get(joint.name), drive))
     return tuple(parts)
-
-
-def _part(body: Body, X_root_body: Pose, joints: tuple[Motion, ...]) -> Part:
-    place = np.asarray(X_root_body.xyz)
-    if body.inertial is None:
-        return Part(body.name, place, joints=joints)
-    turn = X_root_body.rotation
-    return Part(
-        body.name,
-        place,
-        body.inertial.mass_kg,
-        X_root_body.apply(body.inertial.com_m),
-        turn @ matrix_of(body.inertial.inertia_com_kg_m2) @ turn.T,
-        joints,
-    )
-
-
-def _motion(
-    joint: Joint, X_root_child: Pose, home: Mapping[str, float], drive: Actuator | None
-) -> Motion:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    source: Actuator | Limits = drive or joint.limits
-    # Measured twins may differ: that is what was found.
-    measured = drive.measured if drive else ()
-    known = (name for name in DRIVE if name not in measured)
-    values = {name: getattr(source, name) for name in known if hasattr(source, name)}
-    return Motion(
-        joint.name,
-        joint.kind != "prismatic",
-        X_root_child.rotation @ np.asarray(joint.axis),
-        None if lower is None or upper is None else (lower, upper),
-        home.get(joint.name),
-        values,
-    )
 
 
 @dataclass(frozen=True)
@@ -133,38 +87,35 @@ class Twins:
         return flip
 
 
-def twins(parts: Sequence[Part], tolerance_m: float = PLACE_M) -> Twins:
+def twins(tree: Tree, control: Control, tolerance_m: float = PLACE_M) -> Twins:
     """Parts whose names say left and right and whose places are mirror images.
 
     Fingers of one hand, or an arm beside another, are mirrored elsewhere and are no twins.
     """
-    named = _named(parts)
-    candidates = [
-        Twins(
-            tuple((a, b) for a, b in named if is_opposite(a.place, b.place, axis, tolerance_m)),
-            axis,
-        )
-        for axis in PLANES
-    ]
+    named = _named(_parts(tree, control))
+    candidates = []
+    for axis in PLANES:
+        pairs = [(a, b) for a, b in named if _is_opposite(a, b, axis, tolerance_m)]
+        candidates.append(Twins(tuple(pairs), axis))
     return max(candidates, key=lambda one: len(one.pairs))  # the first of equals
 
 
-def is_opposite(p: Array, q: Array, axis: int, tolerance_m: float = PLACE_M) -> bool:
-    """Whether two places (3,), m, mirror each other in a plane through the root, off that plane."""
-    image = np.array(p)
+def _is_opposite(one: Part, other: Part, axis: int, tolerance_m: float) -> bool:
+    """Whether their places mirror each other in a plane through the root, off that plane."""
+    image = list(one.X_root_body.xyz)
     image[axis] *= -1.0
-    return bool(np.linalg.norm(image - q) <= tolerance_m <= abs(p[axis]))
+    return math.dist(image, other.X_root_body.xyz) <= tolerance_m <= abs(image[axis])
 
 
 def _named(parts: Sequence[Part]) -> list[tuple[Part, Part]]:
     """By the body's name, or by that of its joint."""
     bodies = {part.name: part for part in parts}
-    joints = {motion.name: part for part in parts for motion in part.joints}
+    joints = {part.joint.name: part for part in parts if part.joint}
     pairs = []
     for left in parts:
         right = bodies.get(other_side(left.name, bodies))
-        for motion in left.joints:
-            right = right or joints.get(other_side(motion.name, joints))
+        if right is None and left.joint:
+            right = joints.get(other_side(left.joint.name, joints))
         if right is not None and right is not left:
             pairs.append((left, right))
     return pairs

@@ -164,19 +164,10 @@ class ApplySample(Step):
         tree, control = robot.tree, robot.control
         samples = decode_file(Samples, files.inputs / "samples.json")
         sample = samples.samples[self.index]
-        (files.outputs / "tree.json").write_bytes(encode(with_matter(tree, sample)))
+        drawn = {body.body: body.inertial for body in sample.bodies}
+        (files.outputs / "tree.json").write_bytes(encode(tree.with_inertials(drawn)))
         (files.outputs / "control.json").write_bytes(encode(with_control(control, sample)))
         return iter(())
-
-
-def with_matter(tree: Tree, sample: Sample) -> Tree:
-    """The tree with the drawn mass properties."""
-    drawn = {body.body: body.inertial for body in sample.bodies}
-    bodies = tuple(
-        replace(body, inertial=drawn[body.name]) if body.name in drawn else body
-        for body in tree.bodies
-    )
-    return replace(tree, bodies=bodies)
 
 
 def with_control(control: Control, sample: Sample) -> Control:

@@ -102,9 +102,8 @@ class StateRanges(Target):
     def _idle(self, tree: Tree, control: Control) -> Iterator[Finding]:
         """Ranges of a drive on joints that have none in the actuator table."""
         idle: dict[str, list[str]] = {}
-        names = [joint.name for joint in tree.moving_joints]
         leaders = {joint.name for joint in tree.moving_joints if joint.mimic is None}
-        for _, ranges, joints in first_match_groups(self.randomize.joints, names):
+        for _, ranges, joints in self.randomize.of_joints(tree):
             for key in DRIVE:
                 if getattr(ranges, key) != (1.0, 1.0):
                     for joint in joints:
@@ -172,10 +171,9 @@ class StateRanges(Target):
         """One finding for all ranges that nobody gave a reason for."""
         ranges = self.randomize
         bodies = [body.name for body in tree.bodies]
-        joints = [joint.name for joint in tree.moving_joints]
         rows = [(f"links.{p}", r.source) for p, r, _ in first_match_groups(ranges.links, bodies)]
         rows += [(f"payloads.{i}", r.source) for i, r in enumerate(ranges.payloads)]
-        rows += [(f"joints.{p}", r.source) for p, r, _ in first_match_groups(ranges.joints, joints)]
+        rows += [(f"joints.{p}", r.source) for p, r, _ in ranges.of_joints(tree)]
         if ranges.friction is not None:
             rows.append(("friction", ranges.friction_source))
         without = tuple(key for key, source in rows if not source)

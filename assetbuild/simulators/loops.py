@@ -17,7 +17,7 @@ from assetbuild.robot.closure import close, coordinates, felt_inertia, gaps
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators.experiments import (
@@ -73,7 +73,7 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Experiment:
     armature = {row.joint: row.armature for row in control.actuators}
     robot = dynamics(replace(tree, base="fixed"), home, armature)
     driven = {a.joint for a in control.actuators if a.model != "passive"} & set(robot.joints)
-    chain = _chain(tree, control)
+    chain = joints_of(tree, control.loops)
     chosen = coordinates(control.loops, robot, driven)
     free = {name for name in robot.joints if robot.column(name) in chosen}
     leading = free & (driven if driven & chain & free else driven | chain)
@@ -114,7 +114,7 @@ def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, fl
     if not control.loops:
         return sine
     if not _balls(tree):
-        free = [name for name in _chain(tree, control) if not sine.swing.get(name)]
+        free = [name for name in joints_of(tree, control.loops) if not sine.swing.get(name)]
         solution = close(tree, control.loops, sine.middle, free)
         if solution.closed:
             return replace(sine, middle=solution.positions)
@@ -126,16 +126,11 @@ def _balls(tree: Tree) -> list[str]:
     return [joint.name for joint in tree.joints if joint.kind == "ball"]
 
 
-def _chain(tree: Tree, control: Control) -> set[str]:
-    """The joints of all loops."""
-    return {joint.name for loop in control.loops for joint in path_of(tree, loop)}
-
-
 def _closable(
     tree: Tree, control: Control, home: Mapping[str, float], swing: Mapping[str, float]
 ) -> dict[str, float]:
     """Half as wide until the loops close at both ends of the swing."""
-    free = [name for name in _chain(tree, control) if not swing.get(name)]
+    free = [name for name in joints_of(tree, control.loops) if not swing.get(name)]
 
     def closes(share: float) -> bool:
         end = {name: q + share * swing.get(name, 0.0) for name, q in home.items()}

@@ -24,7 +24,13 @@ from assetbuild.recipe_types import Model, Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Contact, Control
 from assetbuild.robot.shapes import Mesh, Shapes
-from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot, write_xml
+from assetbuild.targets.mjcf.files import (
+    readable,
+    refuse_name,
+    robot_element,
+    write_robot,
+    write_xml,
+)
 from assetbuild.targets.mjcf.robot_xml import Cone, MjcfOptions, RobotXml
 from assetbuild.targets.mjcf.scene import scene
 
@@ -100,7 +106,9 @@ class Mjx(Target):
         tree, shapes, control = robot.tree, robot.shapes, robot.control.in_mjcf
         meshes = robot.mesh_dir
         left_out, shapes = self._touching(readable(shapes, meshes, control.mjcf_only))
-        yield from self._explain_condim(control)
+        most_dimensions = max(
+            c.condim for c in (control.contact, *(contact for _, contact in control.contacts))
+        )
         control = self._masked(control, shapes)
         stem = f"{self.robot}_mjx"
         stated = {key: value for key, value in self.options if key in MjcfOptions.model_fields}
@@ -113,9 +121,9 @@ class Mjx(Target):
             for o in control.mjcf_only
             if o.place != "option" and (o.place != "shape" or o.owner in there)
         )
-        write_robot(folder / f"{stem}.xml", model, opaque, meshes)
+        write_robot(folder / f"{stem}.xml", robot_element(model, opaque), shapes, meshes)
         write_xml(folder / "scene_mjx.xml", scene(model, stem))
-        yield from self._explain(left_out, model.capped)
+        yield from self._explain(left_out, most_dimensions, model.capped)
 
     def _touching(self, shapes: Shapes) -> tuple[tuple[str, ...], Shapes]:
         """(links whose collision is left out, the rest)."""
@@ -152,10 +160,10 @@ class Mjx(Target):
         contype = contact.contype if self.options.self_collision else 0
         return contact.model_copy(update={"condim": least, "contype": contype})
 
-    def _explain_condim(self, control: Control) -> Iterator[Finding]:
-        most = max(
-            c.condim for c in (control.contact, *(contact for _, contact in control.contacts))
-        )
+    def _explain(
+        self, left_out: tuple[str, ...], most: int, capped: tuple[str, ...]
+    ) -> Iterator[Finding]:
+        """most: dimensions of a contact in the full model."""
         if self.options.condim is not None and most > self.options.condim:
             yield CONDIM(
                 "recipe mjx.condim",
@@ -163,8 +171,6 @@ class Mjx(Target):
                 "friction against twisting and rolling, fewer rows to solve",
                 data={"condim": self.options.condim, "was": most},
             )
-
-    def _explain(self, left_out: tuple[str, ...], capped: tuple[str, ...]) -> Iterator[Finding]:
         if left_out:
             yield UNTOUCHABLE(
                 "recipe mjx.touching",

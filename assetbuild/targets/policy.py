@@ -14,7 +14,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, did_you_mean
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, known
 from assetbuild.plugin_types import Target
 from assetbuild.recipe_types import Model
 from assetbuild.robot.files import RobotFiles
@@ -110,11 +110,11 @@ class Policy(Target):
 
 
 def _refuse_bus(bus: tuple[str, ...], tree: Tree) -> None:
-    known = [joint.name for joint in tree.moving_joints]
+    names = [joint.name for joint in tree.moving_joints]
     for name in bus:
-        if name not in known:
+        if name not in names:
             raise StepError(
-                f"policy.bus_order: no moving joint `{name}`", hint=did_you_mean(name, known)
+                f"policy.bus_order: no moving joint `{name}`", hint=did_you_mean(name, names)
             )
     if len(set(bus)) < len(bus):
         twice = next(name for name in bus if bus.count(name) > 1)
@@ -127,8 +127,8 @@ def _numbers(joints: tuple[Joint, ...], tree: Tree, control: Control) -> dict[st
     rows = [control.drive_of(joint) for joint in joints]
     return {
         "default_position": [pose[joint.name] for joint in joints],
-        "lower": [_end(joint, joint.limits.lower) for joint in joints],
-        "upper": [_end(joint, joint.limits.upper) for joint in joints],
+        "lower": [known(joint.bounds[0]) for joint in joints],
+        "upper": [known(joint.bounds[1]) for joint in joints],
         "model": [row.model for row in rows],
         "kp": [row.kp for row in rows],
         "kd": [row.kd for row in rows],
@@ -136,7 +136,3 @@ def _numbers(joints: tuple[Joint, ...], tree: Tree, control: Control) -> dict[st
         "velocity": [row.velocity for row in rows],
         "armature": [row.armature for row in rows],
     }
-
-
-def _end(joint: Joint, limit: float | None) -> float | None:
-    return None if joint.kind == "continuous" else limit

@@ -9,8 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, quoted
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.plugin_types import Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.loops import by_constraint
@@ -22,7 +23,6 @@ from assetbuild.robot.model import (
     Control,
     Inertial,
     Joint,
-    LoopMimic,
     Tree,
 )
 from assetbuild.robot.pose import Pose, rpy_of
@@ -97,10 +97,13 @@ class Urdf(Target):
         meshes = _Meshes(robot.shapes)
         for body in tree.bodies:
             _add_link(root, body, [s for s in robot.shapes.shapes if s.link == body.name], meshes)
+        limits: dict[str, Mapping[str, float | None]] = {}
         for joint in tree.joints:
             actuator = robot.ratings.by_joint.get(joint.name)
-            _add_joint(root, replace(joint, mimic=mimics.get(joint.name, joint.mimic)), actuator)
-        yield from _unstated(tree, robot.ratings)
+            followed = replace(joint, mimic=mimics.get(joint.name, joint.mimic))
+            limits[joint.name] = _limits(joint, actuator)
+            _add_joint(root, followed, limits[joint.name], actuator or joint)
+        yield from _unstated(limits)
         ET.indent(root, "  ")
         folder = files.outputs / "urdf"
         folder.mkdir()
@@ -111,9 +114,7 @@ class Urdf(Target):
 
 
 def _open_loops(ratings: Control) -> Iterator[Finding]:
-    followed: dict[str, list[LoopMimic]] = {}
-    for each in ratings.loop_mimics:
-        followed.setdefault(each.loop, []).append(each)
+    followed = grouped(ratings.loop_mimics, lambda mimic: mimic.loop)
     for name, mimics in followed.items():
         equations = ", ".join(
             f"`{m.joint}` = {m.mimic.offset:.4g} {m.mimic.multiplier:+.4g} x `{m.mimic.joint}`, "
@@ -125,19 +126,16 @@ def _open_loops(ratings: Control) -> Iterator[Finding]:
             f"loop {name}",
             f"the URDF follows it by mimic joints: {equations} rad or m, where `{leader}` is "
             f"{low:.3g} to {high:.3g}",
-            "use the MJCF or the USD where the robot moves",
             data={m.joint: m.off for m in mimics},
         )
     by_name = by_constraint(ratings.loops).items()
     loops = [loop for name, some in by_name for loop in some if name not in followed]
     if loops:
-        listed = ", ".join(f"`{loop.name}` ({loop.a.body} to {loop.b.body})" for loop in loops[:6])
+        ends = {loop.name: f"{loop.a.body} to {loop.b.body}" for loop in loops}
+        listed = quoted(ends, 6, notes=ends)
         yield LOOP(
             "robot",
-            f"the written URDF holds {len(loops)} loops open: {listed}"
-            f"{', ...' if len(loops) > 6 else ''}",
-            "use the MJCF or the USD where the robot moves, or close the loops in the program that "
-            "reads the URDF",
+            f"the written URDF holds {len(loops)} loops open: {listed}",
             data={"loops": tuple(loop.name for loop in loops)},
         )
 
@@ -266,7 +264,12 @@ def _add_geometry(parent: ET.Element, geometry: Geometry, file: str) -> None:
             ET.SubElement(parent, "mesh", filename=file)
 
 
-def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> None:
+def _add_joint(
+    robot: ET.Element,
+    joint: Joint,
+    limits: Mapping[str, float | None],
+    dynamics: Actuator | Joint,
+) -> None:
     if joint.kind == "ball":
         raise StepError(
             f"joint `{joint.name}` is a ball joint, which URDF does not have",
@@ -279,9 +282,9 @@ def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> No
     ET.SubElement(element, "child", link=joint.child)
     if joint.kind in ("revolute", "continuous", "prismatic", "planar"):
         ET.SubElement(element, "axis", xyz=_words(joint.axis))
-    if limits := _limits(joint, actuator):
-        _add_numbers(element, "limit", {name: _bound(name, v) for name, v in limits.items()})
-    dynamics = actuator or joint
+    unlimited = {name: -URDF_UNLIMITED if name == "lower" else URDF_UNLIMITED for name in limits}
+    stated = {name: value for name, value in limits.items() if value is not None}
+    _add_numbers(element, "limit", unlimited | stated)
     _add_numbers(element, "dynamics", {"damping": dynamics.damping, "friction": dynamics.friction})
     if joint.mimic is not None:
         element = ET.SubElement(element, "mimic", joint=joint.mimic.joint)
@@ -294,11 +297,6 @@ def _add_numbers(parent: ET.Element, tag: str, values: Mapping[str, float | None
     stated = {name: repr(value) for name, value in values.items() if value is not None}
     if stated:
         ET.SubElement(parent, tag, stated)
-
-
-def _bound(name: str, stated: float | None) -> float:
-    unlimited = -URDF_UNLIMITED if name == "lower" else URDF_UNLIMITED
-    return unlimited if stated is None else stated
 
 
 def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
@@ -318,18 +316,16 @@ def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
     return limits if needed else {}
 
 
-def _unstated(tree: Tree, ratings: Control) -> Iterator[Finding]:
+def _unstated(by_joint: Mapping[str, Mapping[str, float | None]]) -> Iterator[Finding]:
     """What is written as unlimited: urdfdom refuses a <limit> without effort and velocity."""
     lacking: dict[str, list[str]] = {}
-    for joint in tree.joints:
-        limits = _limits(joint, ratings.by_joint.get(joint.name))
+    for joint, limits in by_joint.items():
         missing = [name for name, value in limits.items() if value is None]
         if missing:
-            lacking.setdefault(" and ".join(f"`{name}`" for name in missing), []).append(joint.name)
+            lacking.setdefault(" and ".join(f"`{name}`" for name in missing), []).append(joint)
     if lacking:
         counted = [
-            f"{words} of {len(names)} joints ({', '.join(f'`{n}`' for n in names[:6])}"
-            f"{', ...' if len(names) > 6 else ''})"
+            f"{words} of {len(names)} joints ({quoted(names, 6)})"
             for words, names in lacking.items()
         ]
         yield LIMIT_UNSTATED(

@@ -82,7 +82,7 @@ def test_joints_of_one_motor_that_move_unlike_loads_get_a_row_each(tmp_path: Pat
     robot = arm(tmp_path, [(1.0, 0.1), (0.5, 0.06)], effort=9.0, damping=0.2)
     pose, rows = rows_of(robot)
     assert [row.joints for row in rows] == [("j0",), ("j1",)]
-    inertia = dynamics(robot.tree, pose, {}).effective_inertia
+    inertia = dynamics(robot.tree, pose, {}).effective_inertia()
     for row in rows:
         (name,) = row.joints
         damping = row.gains["kd"] + 0.2  # the drive's and the source's

@@ -26,7 +26,7 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.twins import other_side, parts_of, twins
+from assetbuild.robot.twins import other_side, twins
 
 X, Y, MINUS_X, MINUS_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
 BENDS, TURNED, WIDE = (-0.5, 2.0), (-2.0, 0.5), (-1.0, 1.0)
@@ -53,8 +53,7 @@ def pair(
 
 
 def told(tree: Tree, control: Control | None = None) -> list[Finding]:
-    found = twins(parts_of(tree, control or Control()))
-    return list(mirror_findings(found, Tolerances()))
+    return list(mirror_findings(twins(tree, control or Control()), Tolerances()))
 
 
 def rules(findings: list[Finding]) -> list[tuple[str, str]]:
@@ -175,6 +174,6 @@ def test_real_robots_are_compared_and_nobody_cries_wolf(
     read(text, tmp_path, packages=packages)
     run_step(MergeFixedJoints(merge=True), tmp_path, tmp_path)
     tree = decode(Tree, (tmp_path / "tree.json").read_bytes())
-    found = twins(parts_of(tree, Control()))
+    found = twins(tree, Control())
     loud = {f.rule for f in mirror_findings(found, Tolerances()) if f.severity != "info"}
     assert (len(found.pairs), loud) == (pairs, set())

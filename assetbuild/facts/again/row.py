@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from assetbuild.facts.compare import EQUAL, grouped, plain_data, slug, so_for, value_text
+from assetbuild.facts.compare import EQUAL, plain_data, slug, so_for, value_text
 from assetbuild.facts.table import Value
 from assetbuild.findings import Finding, Scalar
+from assetbuild.grouping import grouped
 
 LONGEST = 200
 """Characters of a text that a finding quotes."""
@@ -45,7 +46,8 @@ class NotParsedError(Exception):
 
 def groups(rows: Iterable[Row]) -> list[list[Row]]:
     """Rows of the same kind, attribute and values together."""
-    return grouped(rows, lambda r: (r.kind, r.attribute, repr(r.expected), repr(r.found)))
+    alike = grouped(rows, lambda r: (r.kind, r.attribute, repr(r.expected), repr(r.found)))
+    return list(alike.values())
 
 
 def row_findings(rows: Iterable[Row], form: str, file: str) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -20,6 +20,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Target
 from assetbuild.recipe_types import Model, NonNegative
+from assetbuild.robot.actuator_table import without_stall
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import as_drives
@@ -28,6 +29,7 @@ from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
+from assetbuild.targets.isaaclab.events import call
 from assetbuild.targets.isaaclab.script import script
 
 NO_USD = Rule(
@@ -149,7 +151,6 @@ class IsaacLab(Target):
             yield NO_USD(
                 "recipe targets",
                 "the modules spawn `usd/`, which the bundle does not hold",
-                hint="add `usd` to the targets",
             )
         lost = [a.joint for a in control.actuators if a.model == "general"]
         if lost:
@@ -170,15 +171,7 @@ class IsaacLab(Target):
                 severity="error" if lost_rest else "info",
                 data={"stiffness": spring.stiffness, "rest": spring.rest},
             )
-        unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
-        if unstated:
-            yield SATURATION(
-                f"actuator {unstated[0]}",
-                f"the table states no stall torque: {len(unstated)} joints take their effort limit "
-                "for it, so half of the torque is left at half of the velocity limit",
-                hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
-                data={"joints": tuple(unstated)},
-            )
+        yield from without_stall(SATURATION, control.actuators)
 
 
 # --- the text of a module ------------------------------------------------------------------------
@@ -274,7 +267,7 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         # In degrees per second here, as in the USD.
         turning = {"max_angular_velocity": math.degrees(rigid.max_angular_velocity)}
         name = "sim_utils.RigidBodyPropertiesCfg" if old else "PhysxRigidBodyCfg"
-        return _call(name, _fields(rigid.model_dump() | turning), 2)
+        return call(name, _fields(rigid.model_dump() | turning), 2)
 
     def _articulation(self) -> str:
         solver = self.target.usd.articulation.solving(self.control.loops)
@@ -286,10 +279,10 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             "stabilization_threshold": solver.stabilization_threshold,
         }
         if self.generation == 2:
-            return _call("sim_utils.ArticulationRootPropertiesCfg", _fields(values), 2)
-        physx = _call("PhysxArticulationCfg", _fields(values), 3)
+            return call("sim_utils.ArticulationRootPropertiesCfg", _fields(values), 2)
+        physx = call("PhysxArticulationCfg", _fields(values), 3)
         newton = f"NewtonArticulationCfg(self_collision_enabled={solver.self_collisions!r})"
-        return _call("", (physx, newton), 2, "[]")
+        return call("", (physx, newton), 2, "[]")
 
     def _base(self, start: Keyframe) -> str:
         # A fixed root too: at a reset Isaac Lab puts it here, wherever the asset had it.
@@ -330,9 +323,9 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             groups.setdefault((numbers, self._delay(actuator)), []).append(actuator)
         for index, members in enumerate(groups.values()):
             first = members[0]
-            listed = _call("joint_names_expr=", (pattern(names[a.joint]) for a in members), 3, "[]")
-            call = _call(self._class_of(first), (listed, *_fields(self._values(first))), 2)
-            yield f'"{first.motor or first.model}_{index}": {call}'
+            listed = call("joint_names_expr=", (pattern(names[a.joint]) for a in members), 3, "[]")
+            config = call(self._class_of(first), (listed, *_fields(self._values(first))), 2)
+            yield f'"{first.motor or first.model}_{index}": {config}'
 
     def _values(self, actuator: Actuator) -> dict[str, object]:
         inside = CLASSES[actuator.model] == "ImplicitActuatorCfg"
@@ -366,10 +359,3 @@ def pattern(name: str) -> str:
 
 def _fields(values: Mapping[str, object]) -> list[str]:
     return [f"{key}={value!r}" for key, value in values.items()]
-
-
-def _call(name: str, arguments: Iterable[str], depth: int, brackets: str = "()") -> str:
-    """`name(` ... `)` on a line that is `depth` times indented, a line for each argument."""
-    pad = "    " * depth
-    inner = "".join(f"\n{pad}    {argument}," for argument in arguments)
-    return f"{name}{brackets[0]}{inner}\n{pad}{brackets[1]}"

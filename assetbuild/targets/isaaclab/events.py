@@ -8,11 +8,11 @@ inertia as if the body had become denser, which is wrong for a box on top of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.ranges import Randomize, first_match_groups, per_axis
+from assetbuild.robot.ranges import Randomize, per_axis
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 IMPORTS = (
@@ -33,19 +33,15 @@ NOT_RANDOMIZED = Rule(
 
 def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding]:
     """What these terms cannot do, and what they do besides."""
-    rows = [ranges for _, ranges, _ in first_match_groups(randomize.joints, _moving(tree))]
-    drives = {a.joint: a for a in control.actuators}
-    delayed = [
-        joint
-        for _, ranges, joints in first_match_groups(randomize.joints, _moving(tree))
-        if ranges.delay != (0, 0)
-        for joint in joints
-        if joint in drives and drives[joint].model != "ideal_pd"
-    ]
+    groups = randomize.of_joints(tree)
+    rows = [ranges for _, ranges, _ in groups]
+    delayed = {joint for _, ranges, joints in groups if ranges.delay != (0, 0) for joint in joints}
     without = {
         "payloads": bool(randomize.payloads),
         "stretch and shear": any(m.stretch or m.shear for m in randomize.links.values()),
-        "delay of drives that are not `ideal_pd`": bool(delayed),
+        "delay of drives that are not `ideal_pd`": any(
+            a.joint in delayed and a.model != "ideal_pd" for a in control.actuators
+        ),
         "encoder_bias": any(row.encoder_bias for row in rows),
         "effort": any(row.effort != (1.0, 1.0) for row in rows),
         "damping apart from friction": any(row.damping != row.friction for row in rows),
@@ -79,24 +75,25 @@ class EventCfg:
 {"".join(terms)}'''
 
 
+def call(head: str, arguments: Iterable[str], depth: int, brackets: str = "()") -> str:
+    """`head(` ... `)` on a line that is `depth` times indented, a line for each argument."""
+    pad = "    " * depth
+    inner = "".join(f"\n{pad}    {argument}," for argument in arguments)
+    return f"{head}{brackets[0]}{inner}\n{pad}{brackets[1]}"
+
+
 def _term(name: str, func: str, entity: str, **params: object) -> str:
-    literals = {key: repr(value).replace("'", '"') for key, value in params.items()}
-    listed = "".join(f'\n            "{key}": {value},' for key, value in literals.items())
-    return f"""
-    {name} = EventTermCfg(
-        func=mdp.{func},
-        mode="startup",
-        params={{
-            "asset_cfg": {entity},{listed}
-        }},
-    )"""
+    literals = [f'"{key}": {value!r}'.replace("'", '"') for key, value in params.items()]
+    values = call("params=", (f'"asset_cfg": {entity}', *literals), 2, "{}")
+    return "\n    " + call(
+        f"{name} = EventTermCfg", (f"func=mdp.{func}", 'mode="startup"', values), 1
+    )
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
     """A density for each body; a shift for each, because one term moves all its bodies alike."""
     names = body_identifiers(tree)
-    massive = [b.name for b in tree.bodies if b.inertial is not None and b.inertial.mass_kg > 0.0]
-    for index, (_, matter, bodies) in enumerate(first_match_groups(randomize.links, massive)):
+    for index, (_, matter, bodies) in enumerate(randomize.of_bodies(tree)):
         if matter.density != (1.0, 1.0):
             yield _term(
                 f"density_{index}",
@@ -115,9 +112,7 @@ def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
 
 def _joints(randomize: Randomize, tree: Tree) -> Iterator[str]:
     names = joint_identifiers(tree)
-    for index, (_, ranges, joints) in enumerate(
-        first_match_groups(randomize.joints, _moving(tree))
-    ):
+    for index, (_, ranges, joints) in enumerate(randomize.of_joints(tree)):
         entity = _entity("joint_names", [names[joint] for joint in joints])
         if (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
             yield _term(
@@ -159,7 +154,3 @@ def _entity(field: str, names: Sequence[str]) -> str:
     """USD identifiers have no letter that a regular expression takes otherwise."""
     listed = ", ".join(f'"{name}"' for name in names)
     return f'SceneEntityCfg("robot", {field}=[{listed}])'
-
-
-def _moving(tree: Tree) -> list[str]:
-    return [joint.name for joint in tree.moving_joints]

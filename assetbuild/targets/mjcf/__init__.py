@@ -6,22 +6,24 @@ Mass, centre of mass and inertia stand on every body, so no geom and no mesh add
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Target
+from assetbuild.robot.chains import Chain
 from assetbuild.robot.closure import gaps
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
 from assetbuild.targets.mjcf.files import (
     explain_textures,
     readable,
     refuse_name,
+    robot_element,
     write_robot,
     write_xml,
 )
@@ -35,6 +37,12 @@ PLANAR_JOINT = Rule(
     "mjcf.planar_joint",
     "info",
     "a planar joint became two slides and a hinge, without limits",
+    "nothing",
+)
+CHAIN = Rule(
+    "mjcf.chain",
+    "info",
+    "joints with only massless links between them are joints of one body, which is exact",
     "nothing",
 )
 
@@ -61,11 +69,12 @@ class Mjcf(Target):
         looks = readable(shapes, meshes, control.mjcf_only)
         model = RobotXml(self.robot, self.options, tree, looks, control)
         folder = files.outputs / "mjcf"
-        write_robot(folder / f"{self.robot}.xml", model, control.mjcf_only, meshes)
+        root = robot_element(model, control.mjcf_only)
+        write_robot(folder / f"{self.robot}.xml", root, looks, meshes)
         write_xml(folder / "scene.xml", scene(model, self.robot))
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
-        yield from explain_chains(tree, shapes)
+        yield from _explain_chains(model.rows.values())
         yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)
         yield from explain_loops(tree, control)
@@ -90,6 +99,21 @@ def _explain_planar(tree: Tree) -> Iterator[Finding]:
             )
 
 
+def _explain_chains(rows: Iterable[Chain]) -> Iterator[Finding]:
+    """One finding for each body with several joints."""
+    for chain in rows:
+        if chain.between:
+            joints = ", ".join(joint.name for joint in chain.joints)
+            links = ", ".join(chain.between)
+            yield CHAIN(
+                f"link {chain.body}",
+                f"carries {len(chain.joints)} joints ({joints}): the massless links between them "
+                f"({links}) are no bodies in the MJCF",
+                hint="the motion is exactly the same",
+                data={"links": chain.between},
+            )
+
+
 # --- loops ---------------------------------------------------------------------------------------
 
 
@@ -109,12 +133,12 @@ def explain_loops(tree: Tree, control: Control) -> Iterator[Finding]:
     at_zero = gaps(tree, control.loops, {joint.name: 0.0 for joint in tree.moving_joints})
     open_loops = {name: gap for name, gap in at_zero.items() if gap > NEAR_M}
     if open_loops:
-        shown = ", ".join(f"`{name}` ({gap:.3g} m)" for name, gap in list(open_loops.items())[:4])
+        gaps_m = {name: f"{gap:.3g} m" for name, gap in open_loops.items()}
+        shown = quoted(gaps_m, 4, notes=gaps_m)
         yield OPEN_AT_ZERO(
             "robot",
-            f"{len(open_loops)} loops are open where all joints are 0: {shown}"
-            f"{', ...' if len(open_loops) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but "
-            "Newton 1.8 holds other points of this MJCF",
+            f"{len(open_loops)} loops are open where all joints are 0: {shown}; MuJoCo, MJX and "
+            "mjlab hold both ends, but Newton 1.8 holds other points of this MJCF",
             "give Newton the USD",
             data=open_loops,
         )

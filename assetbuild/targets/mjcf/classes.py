@@ -7,7 +7,7 @@ every member has (the axis of a joint, the type of a geom): there the class says
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TypeVar
@@ -28,18 +28,21 @@ VAGUE = frozenset({"joint", "joints", "link_visual", "link_collision", "link"})
 
 
 @dataclass(frozen=True)
+class Row:
+    """A joint or geom: what its elements say beyond names, MuJoCo's defaults left out."""
+
+    name: str
+    attributes: Said
+
+
+@dataclass(frozen=True)
 class DefaultClass:
-    """adds: what it says beyond the class above; members: names of those directly in it."""
+    """adds: what it says beyond the class above; rows: of those directly in it."""
 
     name: str
     adds: Said
-    members: tuple[str, ...]
-    children: tuple[DefaultClass, ...] = ()
-
-    @property
-    def all_members(self) -> tuple[str, ...]:
-        """Those of the classes below too."""
-        return (*self.members, *(name for child in self.children for name in child.all_members))
+    rows: Sequence[Row]
+    children: Sequence[DefaultClass] = ()
 
     def element(self, first: Sequence[Element] = ()) -> Element:
         """`<default class>`; `first` stands before the classes below it."""
@@ -47,26 +50,34 @@ class DefaultClass:
         inner = [*elements, *first, *(child.element() for child in self.children)]
         return element("default", {"class": self.name}, inner)
 
-    def uses(self, stated: Mapping[str, Said], above: Said | None = None) -> Iterator[Use]:
-        """What is left to say for each of the members, of all that they say, by name."""
+    def uses(self, above: Said | None = None) -> dict[str, Use]:
+        """The class of each member, and what is left to say for it, by its name."""
         inside = joined(above or {}, self.adds)
-        for name in self.members:
-            left = {
-                tag: _beyond(attributes, inside.get(tag, {}))
-                for tag, attributes in stated[name].items()
-            }
-            yield Use(name, self.name, left)
+        uses = {}
+        for row in self.rows:
+            said = row.attributes.items()
+            left = {tag: _beyond(attributes, inside.get(tag, {})) for tag, attributes in said}
+            uses[row.name] = Use(self.name, left)
         for child in self.children:
-            yield from child.uses(stated, inside)
+            uses |= child.uses(inside)
+        return uses
 
 
 @dataclass(frozen=True)
 class Use:
-    """One member: its class and what its own elements still have to say."""
+    """The class of a member and what its own elements still have to say."""
 
-    member: str
     class_name: str
     left: Said
+
+
+def class_of(
+    name: str, adds: Said, rows: Sequence[Row], children: Sequence[DefaultClass]
+) -> DefaultClass:
+    """A class with those of its rows that no class below it has."""
+    below = {member for child in children for member in child.uses()}
+    direct = [row for row in rows if row.name not in below]
+    return DefaultClass(name, adds, direct, children)
 
 
 class ClassNames:
@@ -98,8 +109,9 @@ def joined(above: Said, more: Said) -> Said:
     return {tag: {**above.get(tag, {}), **more.get(tag, {})} for tag in {**above, **more}}
 
 
-def shared(members: Sequence[Said], above: Said) -> Said:
-    """What all members that have an element say alike, and nothing above says."""
+def shared(rows: Sequence[Row], above: Said) -> Said:
+    """What all rows that have an element say alike, and nothing above says."""
+    members = [row.attributes for row in rows]
     tags = dict.fromkeys(tag for member in members for tag in member)
     # MuJoCo keeps one actuator default per class whatever its tag: never mix tags in a class.
     mixed = len(tags.keys() - {"joint"}) > 1
@@ -116,24 +128,15 @@ def _beyond(stated: Mapping[str, str], above: Mapping[str, str]) -> dict[str, st
     return {key: value for key, value in stated.items() if above.get(key) != value}
 
 
-def usual(members: Sequence[Mapping[str, str]], key: str, *, most: bool = True) -> dict[str, str]:
-    """The attribute as it stands on more than half of the members (not `most`: on the largest
-    part of them), where all have one: the others say theirs."""
-    values = [member[key] for member in members if key in member]
-    if not values or len(values) < len(members):
+def usual(rows: Sequence[Row], tag: str, key: str, *, most: bool = True) -> dict[str, str]:
+    """The attribute as it stands on more than half of the rows (not `most`: on the largest part
+    of them), where all have one: the others say theirs."""
+    values = [row.attributes[tag][key] for row in rows if key in row.attributes[tag]]
+    if not values or len(values) < len(rows):
         return {}
     value, count = Counter(values).most_common(1)[0]
-    enough = count >= FAMILY_MEMBERS and (2 * count > len(members) or not most)
+    enough = count >= FAMILY_MEMBERS and (2 * count > len(rows) or not most)
     return {key: value} if enough else {}
-
-
-def grouped(members: Sequence[T], key: Callable[[T], Hashable]) -> list[list[T]]:
-    """Members with equal keys, in order of first appearance; those without a key in no group."""
-    groups: dict[Hashable, list[T]] = {}
-    for member in members:
-        if (group_key := key(member)) is not None:
-            groups.setdefault(group_key, []).append(member)
-    return list(groups.values())
 
 
 def shared_words(wholes: Sequence[str]) -> str:

@@ -26,13 +26,15 @@ from functools import partial
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import Actuator, Control, General, Joint, Softness, Tree
 from assetbuild.targets.mjcf.classes import (
     FAMILY_MEMBERS,
     ClassNames,
     DefaultClass,
+    Row,
     Said,
-    grouped,
+    class_of,
     joined,
     shared,
     shared_words,
@@ -57,17 +59,14 @@ EXTERNAL_GAINS = Rule(
 
 
 @dataclass(frozen=True)
-class JointRow:
-    """One moving joint: what its `<joint>` and its actuator say beyond their names.
+class JointRow(Row):
+    """One moving joint: what its `<joint>` and its actuator, if any, say beyond their names.
 
-    attributes: by tag, MuJoCo's defaults left out: of `joint`, and of the actuator if any;
-    motor: the recipe's name, or ""; name: of the drive, or "".
+    motor: the recipe's name, or ""; drive_name: or "".
     """
 
-    joint: Joint
-    attributes: Said
     motor: str = ""
-    name: str = ""
+    drive_name: str = ""
 
     @property
     def drive(self) -> str:
@@ -91,7 +90,7 @@ def row_of(joint: Joint, actuator: Actuator, limits: Softness | None) -> JointRo
         tag: {key: value for key, value in values.items() if value is not None}
         for tag, values in {"joint": attributes, **_drive(joint, actuator)}.items()
     }
-    return JointRow(joint, stated, actuator.motor, actuator.name)
+    return JointRow(joint.name, stated, actuator.motor, actuator.name)
 
 
 def _range(joint: Joint) -> str | None:
@@ -165,11 +164,8 @@ def _geared(kp: float, kd: float, square: float, gain: float) -> dict[str, str |
 
 
 def _general(actuator: Actuator) -> dict[str, str | None]:
-    """MuJoCo's own parameters, its defaults left out; StepError without any."""
-    general = actuator.general
-    if general is None:
-        raise StepError(f"actuator {actuator.joint}: model `general` without its parameters")
-    default = General()
+    """MuJoCo's own parameters, its defaults left out; the model's row always states them."""
+    general, default = actuator.general or General(), General()
     words = ("dyntype", "gaintype", "biastype")
     vectors = ("dynprm", "gainprm", "biasprm")
     return {
@@ -180,9 +176,9 @@ def _general(actuator: Actuator) -> dict[str, str | None]:
 
 def actuator_names(rows: Sequence[JointRow]) -> dict[str, str]:
     """Actuator name by joint name: its own, else the joint's without `_joint`, where unique."""
-    short = [row.name or row.joint.name.removesuffix("_joint") or row.joint.name for row in rows]
+    short = [row.drive_name or row.name.removesuffix("_joint") or row.name for row in rows]
     return {
-        row.joint.name: name if short.count(name) == 1 else row.joint.name
+        row.name: name if short.count(name) == 1 else row.name
         for row, name in zip(rows, short, strict=True)
     }
 
@@ -218,44 +214,32 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     gains and limits share), and families (joints of one motor with one axis and range: all hips).
     robot: name of the class, already taken from `names`.
     """
-    axis = {"joint": usual([row.attributes["joint"] for row in rows], "axis")}
-    adds = joined(axis, _shared(rows, axis))
+    axis = {"joint": usual(rows, "joint", "axis")}
+    adds = joined(axis, shared(rows, axis))
     by_motor = grouped(rows, lambda row: (row.motor, row.drive, _said(row, placing=False)))
-    motors = [_motor_class(group, adds, names) for group in by_motor]
-    return _class(robot, adds, rows, [motor for motor in motors if motor is not None])
+    motors = [_motor_class(group, adds, names) for group in by_motor.values()]
+    return class_of(robot, adds, rows, [motor for motor in motors if motor is not None])
 
 
 def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> DefaultClass | None:
     """The class of the joints with one motor, with its families; None: they share nothing."""
-    adds = _shared(rows, above)
+    adds = shared(rows, above)
     inside = joined(above, adds)
     families = [
         (group, attributes)
-        for group in grouped(rows, partial(_said, placing=True))
-        if len(group) >= FAMILY_MEMBERS and (attributes := _shared(group, inside))
+        for group in grouped(rows, partial(_said, placing=True)).values()
+        if len(group) >= FAMILY_MEMBERS and (attributes := shared(group, inside))
     ]
     if not adds and not families:
         return None
     first = rows[0]
     wanted = first.motor or _shared_words(rows) or first.drive or "free"
-    name = names.take(wanted, first.joint.name)
+    name = names.take(wanted, first.name)
     children = []
     for group, attributes in families:
-        family = names.take(_shared_words(group) or "joints", group[0].joint.name)
-        children.append(_class(family, attributes, group, ()))
-    return _class(name, adds, rows, children)
-
-
-def _class(
-    name: str, adds: Said, rows: Sequence[JointRow], children: Sequence[DefaultClass]
-) -> DefaultClass:
-    below = {member for child in children for member in child.all_members}
-    direct = tuple(row.joint.name for row in rows if row.joint.name not in below)
-    return DefaultClass(name, adds, direct, tuple(children))
-
-
-def _shared(rows: Sequence[JointRow], above: Said) -> Said:
-    return shared([row.attributes for row in rows], above)
+        family = names.take(_shared_words(group) or "joints", group[0].name)
+        children.append(DefaultClass(family, attributes, group))
+    return class_of(name, adds, rows, children)
 
 
 def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
@@ -269,4 +253,4 @@ def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
 
 
 def _shared_words(rows: Sequence[JointRow]) -> str:
-    return shared_words([row.joint.name.removesuffix("_joint") for row in rows])
+    return shared_words([row.name.removesuffix("_joint") for row in rows])

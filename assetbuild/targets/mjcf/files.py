@@ -78,39 +78,27 @@ def explain_textures(shapes: Shapes, folder: Path) -> Iterator[Finding]:
         )
 
 
-def write_robot(path: Path, model: RobotXml, opaque: tuple[MjcfOnly, ...], meshes: Path) -> None:
+def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None:
     """The robot's own file, and beside it the meshes and pictures that its shapes name.
 
-    opaque: what only MJCF says; meshes: folder of the built ones.
+    meshes: folder of the built ones. MuJoCo reads three channels of a picture unless it is told.
     """
-    root = robot_element(model, opaque)
-    keep_transparency(root, meshes)
-    write_xml(path, root)
-    copy_assets(path.parent, model.shapes, meshes)
-
-
-def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
-    """The root element of the robot's own file. bare: without keyframes."""
-    root = model.element(bare=bare)
-    add_opaque(root, opaque, model.body_names)
-    return root
-
-
-def keep_transparency(root: Element, meshes: Path) -> None:
-    """State four channels for pictures that have them: MuJoCo reads three unless it is told."""
     for texture in root.iter("texture"):
         if has_holes((meshes / texture.attrib["file"]).read_bytes()):
             texture.set("nchannel", "4")
-
-
-def copy_assets(folder: Path, shapes: Shapes, meshes: Path) -> None:
-    """The meshes and pictures that shapes name, below a folder. meshes: folder of built ones."""
-    assets = folder / "assets"
+    write_xml(path, root)
     wanted = {asset.file for asset in shapes.meshes}
     wanted |= {material.texture for material in shapes.materials if material.texture}
     for name in sorted(wanted):
-        assets.mkdir(exist_ok=True)
-        shutil.copyfile(meshes / name, assets / name)
+        (path.parent / "assets").mkdir(exist_ok=True)
+        shutil.copyfile(meshes / name, path.parent / "assets" / name)
+
+
+def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
+    """The root element of the robot's own file. opaque: what only MJCF says; bare: no keyframes."""
+    root = model.element(bare=bare)
+    add_opaque(root, opaque, model.body_names)
+    return root
 
 
 def write_xml(path: Path, root: Element) -> None:
@@ -173,27 +161,21 @@ def _places(root: Element) -> Iterator[tuple[Element, str, str]]:
 class _Opaque:
     def __init__(self, items: tuple[MjcfOnly, ...], body_names: Mapping[str, str]) -> None:
         self._body_names = body_names
-        self._added: dict[tuple[str, str], dict[str, str]] = {}
-        self._inside: dict[tuple[str, str], list[Element]] = {}
-        self._keys: dict[str, Element] = {}
-        for item in items:
-            self._take(item, parsed(item))
-
-    def _take(self, item: MjcfOnly, node: Element) -> None:
-        owner = self._body_names.get(item.owner, item.owner)
-        if item.place == "keyframe":
-            self._keys[item.owner] = node
-        elif item.place in ("option", "size"):
-            self._added[item.place, ""] = dict(node.attrib)
-            self._inside.setdefault((item.place, ""), []).extend(node)
-        elif item.place in SECTIONS:
-            self._inside.setdefault((item.place, ""), []).append(self._renamed(node))
-        elif item.place == "body" and node.tag != "body":
-            place = ("body", owner) if owner else ("worldbody", "")
-            self._inside.setdefault(place, []).append(self._renamed(node))
-        else:
-            place = ("body" if item.place == "root" else item.place, owner)
-            self._added.setdefault(place, {}).update(node.attrib)
+        self._added: dict[tuple[str, str], Element] = {}
+        """By place and owner, what belongs on an element and into it."""
+        self._keys = {item.owner: parsed(item) for item in items if item.place == "keyframe"}
+        for item in (item for item in items if item.place != "keyframe"):
+            node, place = parsed(item), "body" if item.place == "root" else item.place
+            owner = body_names.get(item.owner, item.owner)
+            is_child = item.place == "body" and node.tag != "body"
+            if place in SECTIONS or (is_child and not owner):
+                place, owner = "worldbody" if is_child else place, ""
+            added = self._added.setdefault((place, owner), Element("added"))
+            if is_child or (place in SECTIONS and place not in ("option", "size")):
+                added.append(self._renamed(node))
+            else:
+                added.attrib.update(node.attrib)
+                added.extend(node)
 
     def _renamed(self, node: Element) -> Element:
         """Names of bodies as the MJCF has them."""
@@ -205,15 +187,15 @@ class _Opaque:
 
     def complete(self, node: Element, place: str, owner: str) -> None:
         """Add to one element what belongs on it and into it."""
-        added = self._added.get((place, owner), {})
-        attributes = {key: value for key, value in (node.attrib | added).items() if value}
-        if node.tag == "freejoint" and added.keys() - {"name"}:
+        added = self._added.get((place, owner), Element("added"))
+        attributes = {key: value for key, value in (node.attrib | added.attrib).items() if value}
+        if node.tag == "freejoint" and added.attrib.keys() - {"name"}:
             # <freejoint> takes no damping; a <joint> takes what it lacks from its class.
             node.tag, attributes = "joint", _FREE | attributes
         node.attrib = attributes
         # Bodies below a body come last, as Menagerie has them.
         children = [child for child in node if place == "body" and child.tag == "body"]
-        node[len(node) - len(children) :] = [*self._inside.get((place, owner), []), *children]
+        node[len(node) - len(children) :] = [*added, *children]
 
     def command(self, keyframe: Element, actuator: Element) -> None:
         """The source's commands in the order of the actuators, named as they are here."""

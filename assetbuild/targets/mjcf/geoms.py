@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Role, Shape, Shapes, Sphere
@@ -24,8 +25,9 @@ from assetbuild.targets.mjcf.classes import (
     FEWEST,
     ClassNames,
     DefaultClass,
+    Row,
     Use,
-    grouped,
+    class_of,
     shared,
     shared_words,
     usual,
@@ -41,57 +43,52 @@ _SURFACE_DEFAULTS: Mapping[str, str] = {"solref": "0.02 1", "solimp": "0.9 0.95 
 
 
 @dataclass(frozen=True)
-class GeomRow:
-    """A shape and what its geom says beyond its name and mesh."""
+class GeomRow(Row):
+    """What the geom of a shape says beyond its name and mesh. link: that carries it."""
 
-    shape: Shape
-    attributes: Mapping[str, str]
+    link: str
+
+    @property
+    def said(self) -> Mapping[str, str]:
+        """The attributes of the geom."""
+        return self.attributes["geom"]
 
 
-class GeomElements:
-    """Geom elements and their default classes."""
+def geom_classes(
+    tree: Tree, shapes: Shapes, control: Control, roles: Mapping[str, str], names: ClassNames
+) -> list[DefaultClass]:
+    """The default classes of the roles that any shape has.
 
-    def __init__(
-        self,
-        tree: Tree,
-        shapes: Shapes,
-        control: Control,
-        roles: Mapping[str, str],
-        names: ClassNames,
-    ) -> None:
-        """roles: the class names of `visual` and `collision`, already taken from `names`."""
-        hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
-        solid = {"group": "3", **_surface(control.contact, Contact())}
-        fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
-        self.classes: list[DefaultClass] = []
-        """The default classes of the roles that any shape has."""
-        self._uses: dict[str, Use] = {}
-        for role, always in fixed.items():
-            rows = [
-                _row(s, tree.shape_placement(s)[1], control.surface_of(s), control.contact)
-                for s in shapes.of(role)
-            ]
-            if rows:
-                role_class = _role_class(roles[role], always, rows, names)
-                self.classes.append(role_class)
-                stated = {row.shape.name: {"geom": row.attributes} for row in rows}
-                self._uses |= {use.member: use for use in role_class.uses(stated)}
+    roles: the class names of `visual` and `collision`, already taken from `names`.
+    """
+    hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
+    solid = {"group": "3", **_surface(control.contact, Contact())}
+    fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
+    classes = []
+    for role, always in fixed.items():
+        rows = [
+            _row(s, tree.shape_placement(s)[1], control.surface_of(s), control.contact)
+            for s in shapes.of(role)
+        ]
+        if rows:
+            classes.append(_role_class(roles[role], always, rows, names))
+    return classes
 
-    def geom(self, shape: Shape) -> Element:
-        """One geom, with only what its class does not say."""
-        use = self._uses[shape.name]
-        left = dict(use.left["geom"])
-        return element(
-            "geom",
-            {
-                "name": shape.name,
-                "class": use.class_name,
-                "type": left.pop("type", None),
-                "size": left.pop("size", None),
-                "mesh": shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None,
-                **left,
-            },
-        )
+
+def geom_element(shape: Shape, use: Use) -> Element:
+    """One geom, with only what its class does not say."""
+    left = dict(use.left["geom"])
+    return element(
+        "geom",
+        {
+            "name": shape.name,
+            "class": use.class_name,
+            "type": left.pop("type", None),
+            "size": left.pop("size", None),
+            "mesh": shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None,
+            **left,
+        },
+    )
 
 
 def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> GeomRow:
@@ -101,7 +98,8 @@ def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> 
         attributes["material"] = shape.material or None
     else:
         attributes |= _surface(contact, above)
-    return GeomRow(shape, {key: value for key, value in attributes.items() if value is not None})
+    said = {key: value for key, value in attributes.items() if value is not None}
+    return GeomRow(shape.name, {"geom": said}, shape.link)
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:
@@ -132,49 +130,43 @@ def _role_class(
     name: str, fixed: Mapping[str, str], rows: Sequence[GeomRow], names: ClassNames
 ) -> DefaultClass:
     """The class of one role. fixed: what it says in any case (group, masks of visuals)."""
-    stated = [row.attributes for row in rows]
     common = {**fixed, **_shared(rows, fixed)}
-    common |= {**usual(stated, "type"), **usual(stated, "material", most=False)}
-    children, placed = [], set[str]()
+    common |= usual(rows, "geom", "type") | usual(rows, "geom", "material", most=False)
+    children, placed = list[DefaultClass](), set[str]()
     for key, least, suffix in (
         (_by_surface, FEWEST, ""),
         (_by_size, FAMILY_MEMBERS, f"_{name}"),
         (_by_place, FAMILY_MEMBERS, f"_{name}"),
     ):
-        for group in grouped(rows, partial(key, common)):
-            free = [row for row in group if row.shape.name not in placed]
+        for what, group in grouped(rows, partial(key, common)).items():
+            free = [row for row in group if row.name not in placed]
             attributes = _shared(free, common)
-            if len(free) < least or not attributes:
+            if what is None or len(free) < least or not attributes:
                 continue
-            words = shared_words([row.shape.link for row in free]) or "other"
+            words = shared_words([row.link for row in free]) or "other"
             wanted = f"{words}_{name}" if words in names else f"{words}{suffix}"
-            class_name = names.take(wanted, f"{free[0].shape.link}_{name}")
-            children.append(DefaultClass(class_name, {"geom": attributes}, _names_of(free)))
-            placed.update(_names_of(free))
-    rest = [row for row in rows if row.shape.name not in placed]
-    return DefaultClass(name, {"geom": common}, _names_of(rest), tuple(children))
-
-
-def _names_of(rows: Sequence[GeomRow]) -> tuple[str, ...]:
-    return tuple(row.shape.name for row in rows)
+            class_name = names.take(wanted, f"{free[0].link}_{name}")
+            children.append(DefaultClass(class_name, {"geom": attributes}, free))
+            placed.update(row.name for row in free)
+    return class_of(name, {"geom": common}, rows, children)
 
 
 def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, str]:
-    return shared([{"geom": row.attributes} for row in rows], {"geom": above}).get("geom", {})
+    return shared(rows, {"geom": above}).get("geom", {})
 
 
 def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """What the surface says that not all say."""
-    items = {item for item in row.attributes.items() - common.items() if item[0] in _SURFACE}
+    items = {item for item in row.said.items() - common.items() if item[0] in _SURFACE}
     return frozenset(items) or None
 
 
 def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:
-    items = {item for item in row.attributes.items() - common.items() if item[0] not in _PLACE}
+    items = {item for item in row.said.items() - common.items() if item[0] not in _PLACE}
     return frozenset(items) if "size" in dict(items) else None
 
 
 def _by_place(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """The pieces of one link that stand in one place of its body, which is not the origin."""
-    place = {item for item in row.attributes.items() - common.items() if item[0] in _PLACE}
-    return (row.shape.link, frozenset(place)) if place else None
+    place = {item for item in row.said.items() - common.items() if item[0] in _PLACE}
+    return (row.link, frozenset(place)) if place else None

@@ -6,6 +6,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from typing import Annotated, Literal
 from xml.etree.ElementTree import Element
 
@@ -13,16 +14,16 @@ from pydantic import AfterValidator, Field
 
 from assetbuild.errors import StepError
 from assetbuild.recipe_types import Model, Positive
+from assetbuild.robot.chains import axis_in_body, joint_rows
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of, vec3
 from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.classes import ClassNames
 from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
-from assetbuild.targets.mjcf.geoms import GeomElements
+from assetbuild.targets.mjcf.geoms import geom_classes, geom_element
 from assetbuild.targets.mjcf.inertia import principal_inertia, rounded_up
 from assetbuild.targets.mjcf.sections import (
     camera_elements,
@@ -37,7 +38,14 @@ from assetbuild.targets.mjcf.xml import direction, element, exact, number, numbe
 
 SITE_GROUP = "4"
 NAME = re.compile(r"""\bname="([^"]*)\"""")
-DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
+USUAL = {
+    "gravity": "0 0 -9.81",
+    "cone": "pyramidal",
+    "solver": "Newton",
+    "impratio": "1",
+    "tolerance": "1e-08",
+}
+"""MuJoCo's own options."""
 
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
@@ -104,10 +112,21 @@ class RobotXml:
         # Bodies and joints in the order in which MuJoCo numbers them.
         self.order, self.joints = depth_first(tree.root, carried)
         self.body_names = body_names(tree)
-        self.seats = JointPlacement(tree, shapes)
+        # Each body's joints, outermost first, in the order in which MuJoCo applies them.
+        self.rows = joint_rows(tree, {shape.link for shape in shapes.shapes})
+        self.hidden = frozenset(link for row in self.rows.values() for link in row.between)
+        self.joint_poses = {
+            joint.name: pose
+            for row in self.rows.values()  # that of a chain comes after those of links inside it
+            for joint, pose in zip(row.joints, row.joint_poses, strict=True)
+        }
         limits = dict(control.soft_limits)
         rows = [
-            row_of(self.seats.seated(joint), control.drive_of(joint), limits.get(joint.name))
+            row_of(
+                replace(joint, axis=axis_in_body(joint, self.joint_poses[joint.name])),
+                control.drive_of(joint),
+                limits.get(joint.name),
+            )
             for joint in self.joints
             if joint in tree.moving_joints
         ]
@@ -117,10 +136,10 @@ class RobotXml:
         self.robot_class = names.take(robot)
         roles = {role: names.take(role) for role in ("visual", "collision")}
         self.classes = joint_classes(self.robot_class, rows, names)
-        stated = {row.joint.name: row.attributes for row in rows}
-        self.uses = {use.member: use for use in self.classes.uses(stated)}
-        self.geoms = GeomElements(tree, shapes, control, roles, names)
-        refuse_hidden(control, self.seats.hidden)
+        self.uses = self.classes.uses()
+        self.geom_classes = geom_classes(tree, shapes, control, roles, names)
+        self.geom_uses = {k: use for role in self.geom_classes for k, use in role.uses().items()}
+        refuse_hidden(control, self.hidden)
 
     def element(self, *, bare: bool = False) -> Element:
         """The root element; empty sections are left out, and keyframes when it is bare."""
@@ -130,7 +149,7 @@ class RobotXml:
             self.default(),
             self.asset(),
             self.worldbody(),
-            contact_section(self.tree, self.shapes, self.control, self.seats, self.body_names),
+            contact_section(self.tree, self.shapes, self.control, self.hidden, self.body_names),
             equality_section(self.joints, self.control, self.loop_sites),
             self.actuator(),
             sensor_section(self.control, self.body_names, self.drive_names),
@@ -153,7 +172,7 @@ class RobotXml:
     def compiler(self) -> Element:
         """Units, folders, and where mass may not come from."""
         textured = any(material.texture for material in self.shapes.materials)
-        written = [body for body in self.tree.bodies if body.name not in self.seats.hidden]
+        written = [body for body in self.tree.bodies if body.name not in self.hidden]
         massless = any(body.inertial is None for body in written)
         return element(
             "compiler",
@@ -176,23 +195,19 @@ class RobotXml:
         simulation, solver = self.control.simulation, self.options
         if solver is None:
             return element("option")
-        gravity = simulation.gravity
         cone = solver.cone or "elliptic"
-        impratio = solver.impratio or (50.0 if cone == "elliptic" else 1.0)
-        return element(
-            "option",
-            {
-                "timestep": number(simulation.timestep),
-                "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
-                "integrator": solver.integrator,
-                "cone": cone if cone != "pyramidal" else None,
-                "solver": solver.solver if solver.solver != "Newton" else None,
-                "iterations": str(solver.iterations) if solver.iterations else None,
-                "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
-                "impratio": number(impratio) if impratio != 1.0 else None,
-                "tolerance": number(solver.tolerance) if solver.tolerance != 1e-8 else None,
-            },
-        )
+        stated = {
+            "timestep": number(simulation.timestep),
+            "gravity": numbers(simulation.gravity),
+            "integrator": solver.integrator,
+            "cone": cone,
+            "solver": solver.solver,
+            "iterations": str(solver.iterations or ""),
+            "ls_iterations": str(solver.ls_iterations or ""),
+            "impratio": number(solver.impratio or (50.0 if cone == "elliptic" else 1.0)),
+            "tolerance": number(solver.tolerance),
+        }
+        return element("option", {k: v for k, v in stated.items() if v not in ("", USUAL.get(k))})
 
     def default(self) -> Element:
         """The tree of classes, see `classes`."""
@@ -202,7 +217,7 @@ class RobotXml:
             first.append(element("mesh", {"inertia": "shell"}))
         if self.tree.frames or self.body_sites or self.control.loops:
             first.append(element("site", {"group": SITE_GROUP}))
-        first += [role.element() for role in self.geoms.classes]
+        first += [role.element() for role in self.geom_classes]
         return element("default", None, [self.classes.element(first)])
 
     def asset(self) -> Element:
@@ -246,9 +261,10 @@ class RobotXml:
             content[owner].append(part)
         made: dict[str | None, Element] = {None: element("worldbody", None, content[None])}
         for name in self.order:
-            if name not in self.seats.hidden:
+            if name not in self.hidden:
                 made[name] = element("body", self._body_attributes(name), content[name])
-                made[self.seats.parent(name)].append(made[name])
+                above = self.rows[name].parent if name in self.rows else None
+                made[above].append(made[name])
         return made[None]
 
     def _parts(self) -> Iterator[tuple[str | None, Element]]:
@@ -259,13 +275,14 @@ class RobotXml:
         if self.tree.base == "floating":
             yield self.tree.root, element("freejoint", {"name": "floating_base_joint"})
         for name in self.order:
-            for joint in self.seats.joints(name):
+            for joint in self.rows[name].joints if name in self.rows else ():
                 for part in self._elements_of(joint):
                     yield name, part
         yield from camera_elements(self.tree, self.control)
         for role in ("visual", "collision"):
             for shape in self.shapes.of(role):
-                yield self.tree.placement(shape.link)[0], self.geoms.geom(shape)
+                carrier, _ = self.tree.placement(shape.link)
+                yield carrier, geom_element(shape, self.geom_uses[shape.name])
         yield from site_elements(self.tree, self.body_sites, self.body_names)
         for loop in self.control.loops:
             for site, end in zip(self.loop_sites[loop.name], loop.ends, strict=True):
@@ -274,7 +291,7 @@ class RobotXml:
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
         is_root = name == self.tree.root
-        X_parent_body = self.resting_pose() if is_root else self.seats.pose_in_parent(name)
+        X_parent_body = self.resting_pose() if is_root else self.rows[name].pose_in_parent
         return {
             "name": self.body_names[name],
             "childclass": self.robot_class if is_root else None,
@@ -291,7 +308,7 @@ class RobotXml:
         return Pose((0.0, 0.0, base.xyz[2])) if base else Pose()
 
     def _elements_of(self, joint: Joint) -> list[Element]:
-        X_body_joint = self.seats.joint_pose(joint)
+        X_body_joint = self.joint_poses[joint.name]
         if joint.kind == "fixed":
             return []
         if joint.kind == "planar":
@@ -316,7 +333,7 @@ class RobotXml:
         """One drive per driven joint, in the order of the joints."""
         made = element("actuator")
         for row in self.driven:
-            joint, use = row.joint.name, self.uses[row.joint.name]
+            joint, use = row.name, self.uses[row.name]
             head = {"name": self.drive_names[joint], "class": use.class_name, "joint": joint}
             made.append(element(row.drive, {**head, **use.left[row.drive]}))
         return made
@@ -346,7 +363,7 @@ class RobotXml:
         """Position drives aim at the pose, all others at rest."""
         values = dict(key.joints)
         aims = {row.joint: row.gear for row in self.control.actuators if row.model == "pd"}
-        names = (row.joint.name for row in self.driven)
+        names = (row.name for row in self.driven)
         return [values.get(name, 0.0) * aims.get(name, 0.0) for name in names]
 
 

@@ -12,7 +12,6 @@ from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.model import Camera, Control, Joint, Place, Sensor, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import Shapes
-from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.drives import locked_at
 from assetbuild.targets.mjcf.xml import element, number, numbers, pose_attributes
 
@@ -27,18 +26,19 @@ def contact_section(
     tree: Tree,
     shapes: Shapes,
     control: Control,
-    seats: JointPlacement,
+    hidden: frozenset[str],
     body_names: Mapping[str, str],
 ) -> Element:
     """The pairs of the recipe that MuJoCo does not filter itself, with a floating base or pinned.
 
     MuJoCo filters a body and its parent, unless the parent is part of the world.
+    hidden: links that are no bodies in the MJCF.
     """
     rule = ContactFilter.of(tree, shapes, control)
     pairs = [
         element("exclude", {"body1": body_names[a], "body2": body_names[b]})
         for a, b in control.excludes
-        if not {a, b} & seats.hidden  # without shapes, they touch nothing
+        if not hidden & {a, b}  # without shapes, they touch nothing
         and not rule.holds_without(tree.root, a, b)
     ]
     return element("contact", None, pairs)
@@ -87,15 +87,15 @@ def equality_section(
 # --- sensors -------------------------------------------------------------------------------------
 
 
-def extra_sites(tree: Tree, control: Control) -> tuple[str, ...]:
+def extra_sites(tree: Tree, control: Control) -> Iterator[str]:
     """Bodies that need a site in their origin because a sensor sits there."""
-    places = [sensor.at for sensor in control.sensors if sensor.kind in AT_SITE]
-    wanted = dict.fromkeys(place.name for place in places if place.kind == "frame")
-    return tuple(name for name in wanted if name in tree.by_body)
+    for sensor in control.sensors:
+        if sensor.kind in AT_SITE and sensor.at.kind == "frame" and sensor.at.name in tree.by_body:
+            yield sensor.at.name
 
 
 def refuse_hidden(control: Control, hidden: Collection[str]) -> None:
-    """StepError for what sits on a link that is no body in the MJCF (see `chains`)."""
+    """StepError for what sits on a link that is no body in the MJCF (see `robot.chains`)."""
     seats = [(f"loop {loop.name}", end.body) for loop in control.loops for end in loop.ends]
     seats += [(f"camera {c.name}", c.link) for c in control.cameras if c.link]
     for sensor in control.sensors:

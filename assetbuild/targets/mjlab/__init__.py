@@ -15,7 +15,9 @@ from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
+from assetbuild.grouping import grouped
 from assetbuild.plugin_types import Target
+from assetbuild.robot.actuator_table import without_stall
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
@@ -23,14 +25,7 @@ from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sections import IMU_NAMES, ImuKind
 from assetbuild.robot.shapes import Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.targets.mjcf.files import (
-    copy_assets,
-    keep_transparency,
-    readable,
-    refuse_name,
-    robot_element,
-    write_xml,
-)
+from assetbuild.targets.mjcf.files import readable, refuse_name, robot_element, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
 from assetbuild.targets.mjlab.module import Foot, MjlabOptions, ModuleFacts, module_text
@@ -114,62 +109,54 @@ class Mjlab(Target):
         meshes = robot.mesh_dir
         shapes = readable(shapes, meshes, control.mjcf_only)
 
-        facts = self._facts(tree, shapes, control)
-        looked_at = (*(sole.link for sole in self._soles(shapes)), facts.imu_site)
+        imu_site, soles = self.imu or tree.root, self._soles(shapes)
+        looked_at = (*(sole.link for sole in soles), imu_site)
         sites = [link for link in looked_at if link in tree.by_body]
-        model = RobotXml(
-            self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
-        )
+        bare = self._bare(tree, control, imu_site)
+        model = RobotXml(self.robot, None, tree, shapes, bare, sites=sites)
         folder = files.outputs / "mjlab"
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         path = folder / "mjcf" / f"{self.robot}_bare.xml"
         root = robot_element(model, opaque, bare=True)
         renamed = name_collisions(root, {shape.name for shape in shapes.of("visual")})
-        keep_transparency(root, meshes)
-        write_xml(path, root)
-        copy_assets(path.parent, shapes, meshes)
-        feet = [replace(f, geoms=tuple(renamed.get(g, g) for g in f.geoms)) for f in facts.feet]
-        feet.sort(key=lambda foot: model.order.index(foot.body))
-        facts = replace(facts, feet=tuple(feet))
+        write_robot(path, root, shapes, meshes)
+        feet = sorted(
+            _feet(tree, soles, control, renamed), key=lambda foot: model.order.index(foot.body)
+        )
+        facts = ModuleFacts(
+            robot=self.robot,
+            tree=tree,
+            control=control,
+            rows=self.rows,
+            feet=tuple(feet),
+            imu_site=imu_site,
+            options=self.options,
+            randomize=self.randomize,
+        )
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")
         yield from self._explain(tree, control, facts)
         yield from _renamed(renamed)
 
-    def _facts(self, tree: Tree, shapes: Shapes, control: Control) -> ModuleFacts:
-        return ModuleFacts(
-            robot=self.robot,
-            tree=tree,
-            control=control,
-            rows=self.rows,
-            feet=_feet(tree, self._soles(shapes), control),
-            imu_site=self.imu or tree.root,
-            options=self.options,
-            randomize=self.randomize,
-        )
-
     def _soles(self, shapes: Shapes) -> list[Shape]:
         """Collision shapes of the links that the robot stands on."""
         solid = shapes.of("collision")
         return [s for s in solid if self.feet and re.fullmatch(self.feet, s.link)]
 
-    def _bare(self, tree: Tree, control: Control, facts: ModuleFacts) -> Control:
+    def _bare(self, tree: Tree, control: Control, imu_site: str) -> Control:
         """Without drives; what the module states for driven joints is not in the XML too."""
         drives = tuple(
             a if a.model == "passive" else Actuator(a.joint, "passive") for a in control.actuators
         )
-        return replace(control, actuators=drives, sensors=self._sensors(tree, control, facts))
-
-    def _sensors(self, tree: Tree, control: Control, facts: ModuleFacts) -> tuple[Sensor, ...]:
-        """The robot's own, and those that mjlab's velocity task looks for."""
-        robot_sensors = [s for s in control.sensors if not _of_mjlab(s)]
-        there = {sensor.name for sensor in robot_sensors}
-        at = Place("frame", facts.imu_site)
+        # Sensors of the robot win over those of their names that mjlab's velocity task wants.
+        at = Place("frame", imu_site)
         wanted = [Sensor(IMU_NAMES[kind], kind, at) for kind in TASK_SENSORS]
         wanted.append(Sensor("root_angmom", "subtreeangmom", Place("body", tree.root)))
-        floating = wanted if tree.base == "floating" else []
-        return (*robot_sensors, *(sensor for sensor in floating if sensor.name not in there))
+        sensors = {sensor.name: sensor for sensor in control.sensors if not _of_mjlab(sensor)}
+        for sensor in wanted if tree.base == "floating" else ():
+            sensors.setdefault(sensor.name, sensor)
+        return replace(control, actuators=drives, sensors=tuple(sensors.values()))
 
     def _explain(self, tree: Tree, control: Control, facts: ModuleFacts) -> Iterator[Finding]:
         if tree.base == "floating" and self.imu is None:
@@ -193,7 +180,7 @@ class Mjlab(Target):
                 hint="use pd, ideal_pd, dc_motor, velocity or motor",
                 data={"joints": tuple(undriven)},
             )
-        yield from _saturation(control)
+        yield from without_stall(SATURATION, control.actuators)
         if self.randomize is not None:
             yield from lost(self.randomize, tree, facts.groups)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
@@ -206,8 +193,13 @@ class Mjlab(Target):
             )
 
 
-def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
-    """A foot for each body that has soles, however many; its site is at the lowest link of them."""
+def _feet(
+    tree: Tree, soles: list[Shape], control: Control, renamed: Mapping[str, str]
+) -> Iterator[Foot]:
+    """A foot for each body that has soles, however many; its site is at the lowest link of them.
+
+    renamed: geoms of the bare MJCF by the names of their shapes, where they differ.
+    """
     start = initial_pose(tree, control)
     X_root_body = forward_kinematics(tree, dict(start.joints))
 
@@ -216,13 +208,9 @@ def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
         X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
         return X_world_link.xyz[2]
 
-    by_body: dict[str, list[Shape]] = {}
-    for sole in soles:
-        by_body.setdefault(tree.placement(sole.link)[0], []).append(sole)
-    return tuple(
-        Foot(body, min(foot_soles, key=height).link, tuple(sole.name for sole in foot_soles))
-        for body, foot_soles in by_body.items()
-    )
+    for body, foot_soles in grouped(soles, lambda sole: tree.placement(sole.link)[0]).items():
+        geoms = tuple(renamed.get(sole.name, sole.name) for sole in foot_soles)
+        yield Foot(body, min(foot_soles, key=height).link, geoms)
 
 
 def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
@@ -233,18 +221,6 @@ def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
             f"{len(renamed)} collision geoms have other names in the bare MJCF, where mjlab's "
             f"configs look for `*_collision`: `{name}` is `{new}`",
             data={"geoms": tuple(renamed), "names": tuple(renamed.values())},
-        )
-
-
-def _saturation(control: Control) -> Iterator[Finding]:
-    unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
-    if unstated:
-        yield SATURATION(
-            f"actuator {unstated[0]}",
-            f"the table states no stall torque: {len(unstated)} joints take their effort limit for "
-            "it, so half of the torque is left at half of the velocity limit",
-            hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
-            data={"joints": tuple(unstated)},
         )
 
 

@@ -11,7 +11,8 @@ joints.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding, Rule
@@ -23,11 +24,9 @@ from assetbuild.robot.ranges import (
     RandomJoint,
     RandomMatter,
     RandomPayload,
-    first_match_groups,
     per_axis,
 )
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjlab.text import exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
 """Models whose gains and effort limit mjlab's terms can scale."""
@@ -51,32 +50,21 @@ class DriveGroup:
     ranges: RandomJoint | None
 
 
-@dataclass(frozen=True)
-class Term:
-    """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
-
-    name: str
-    func: str
-    entity: str
-    params: Mapping[str, object]
-
-
-def terms(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> list[Term]:
-    """All terms in the order of the recipe. groups: as the module has them."""
-    return [
+def terms(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> str:
+    """The text of all terms in the order of the recipe. groups: as the module has them."""
+    made = [
         *_matter(randomize, tree),
         *_payloads(randomize, tree),
         *_joints(randomize, tree, groups),
         *_friction(randomize),
     ]
+    return "".join(made)
 
 
 def replaced(randomize: Randomize, tree: Tree) -> tuple[str, ...]:
     """Events of mjlab's velocity task that say what the recipe says."""
     names = []
-    if any(
-        tree.root in bodies for _, _, bodies in first_match_groups(randomize.links, _massive(tree))
-    ):
+    if any(tree.root in bodies for _, _, bodies in randomize.of_bodies(tree)):
         names.append("base_com")
     if any(ranges.encoder_bias for ranges in randomize.joints.values()):
         names.append("encoder_bias")
@@ -90,9 +78,7 @@ def lost(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iter
     without = []
     if len(_carried(randomize, tree)) < len(randomize.payloads):
         without.append("payloads on bodies without mass")
-    for _, ranges, joints in first_match_groups(
-        randomize.joints, [j.name for j in tree.moving_joints]
-    ):
+    for _, ranges, joints in randomize.of_joints(tree):
         scaled = {key for key in ("kp", "kd", "effort") if getattr(ranges, key) != (1.0, 1.0)}
         drives = [group.actuator for group in groups if {*group.joints} & {*joints}]
         if scaled and any(a.model not in WITH_GAINS for a in drives):
@@ -110,10 +96,10 @@ def lost(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iter
         )
 
 
-def imports(event_terms: Sequence[Term]) -> list[str]:
+def imports(event_terms: str) -> list[str]:
     """Import lines that the terms need, each sorted into its module."""
     lines = ["from mjlab.managers.scene_entity_config import SceneEntityCfg"]
-    if any(term.func.startswith("dr.") for term in event_terms):
+    if "func=dr." in event_terms:
         lines.append("from mjlab.envs.mdp import dr")
     manager = ["EventTermCfg"]
     if carries(event_terms):
@@ -122,14 +108,13 @@ def imports(event_terms: Sequence[Term]) -> list[str]:
     return [*lines, f"from mjlab.managers.event_manager import {', '.join(manager)}"]
 
 
-def carries(event_terms: Sequence[Term]) -> bool:
+def carries(event_terms: str) -> bool:
     """Whether a term mounts a box, which needs torch and a function of the module's own."""
-    return any(term.func == CARRY for term in event_terms)
+    return f"func={CARRY}," in event_terms
 
 
-def events_text(event_terms: Sequence[Term]) -> str:
+def events_text(event_terms: str) -> str:
     """The function `randomize_events` of the module, and the term that mjlab has not."""
-    body = "".join(_term_text(term) for term in event_terms)
     carry_text = f"{CARRY_TEXT}\n\n\n" if carries(event_terms) else ""
     return f'''{carry_text}
 def randomize_events() -> dict[str, EventTermCfg]:
@@ -138,37 +123,31 @@ def randomize_events() -> dict[str, EventTermCfg]:
     The draws keep every inertia that of some matter; whether that fits into the link is asked by
     `assetbuild sample` alone. alpha is uniform, so a density is drawn log-uniformly.
     """
-    return {{{body}
+    return {{{event_terms}
     }}'''
 
 
-def _term_text(term: Term) -> str:
-    pad = "\n" + " " * 16
-    params = "".join(f'{pad}"{key}": {_text_of(value)},' for key, value in term.params.items())
-    return f'''
-        "{term.name}": EventTermCfg(
-            mode="startup",
-            func={term.func},
-            params={{
-                "asset_cfg": SceneEntityCfg("robot", {term.entity}),{params}
-            }},
-        ),'''
+def _term(name: str, func: str, entity: str, params: Mapping[str, object]) -> str:
+    """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
+    values = [f'"{key}": {_text_of(value)}' for key, value in params.items()]
+    values.insert(0, f'"asset_cfg": SceneEntityCfg("robot", {entity})')
+    fields = ['mode="startup"', f"func={func}", block("params=", values, 12, "{}")]
+    return "\n        " + block(f'"{name}": EventTermCfg', fields, 8) + ","
 
 
 def _text_of(value: object) -> str:
     """A literal; of a matrix a line for each row."""
     if isinstance(value, str):
         return literal(value)
-    if not (isinstance(value, tuple) and isinstance(value[0], tuple)):
-        return repr(value)
-    rows = "".join(f"\n{' ' * 20}{row!r}," for row in value)
-    return f"({rows}\n{' ' * 16})"
+    if isinstance(value, tuple) and isinstance(value[0], tuple):
+        return block("", map(repr, value), 16)
+    return repr(value)
 
 
-def _matter(randomize: Randomize, tree: Tree) -> Iterator[Term]:
-    rows, written = first_match_groups(randomize.links, _massive(tree)), body_names(tree)
-    for index, (_, matter, bodies) in enumerate(rows):
-        yield Term(
+def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
+    written = body_names(tree)
+    for index, (_, matter, bodies) in enumerate(randomize.of_bodies(tree)):
+        yield _term(
             f"matter_{index}",
             "dr.pseudo_inertia",
             _names("body_names", [written[name] for name in bodies]),
@@ -218,28 +197,24 @@ def _outer(vector):
     return vector[:, :, None] * vector[:, None, :]'''
 
 
-def _payloads(randomize: Randomize, tree: Tree) -> Iterator[Term]:
+def _payloads(randomize: Randomize, tree: Tree) -> Iterator[str]:
     for index, payload in _carried(randomize, tree):
         body, X_body_link = tree.placement(payload.link)
         box = move_inertial(homogeneous_box(1.0, payload.size, payload.at), X_body_link)
         rows = tuple(tuple(float(value) for value in row) for row in pseudo_inertia(box))
         params = {"mass_range": payload.mass, "box": rows}
         written = body_names(tree)[body]
-        yield Term(f"payload_{index}", CARRY, _names("body_names", (written,)), params)
+        yield _term(f"payload_{index}", CARRY, _names("body_names", (written,)), params)
 
 
 def _carried(randomize: Randomize, tree: Tree) -> list[tuple[int, RandomPayload]]:
     """Those on bodies that MuJoCo knows as matter."""
-    massive = set(_massive(tree))
+    massive = {body.name for body in tree.bodies if not body.is_massless}
     return [
         (index, payload)
         for index, payload in enumerate(randomize.payloads)
         if tree.placement(payload.link)[0] in massive
     ]
-
-
-def _massive(tree: Tree) -> list[str]:
-    return [b.name for b in tree.bodies if b.inertial is not None and b.inertial.mass_kg > 0.0]
 
 
 def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
@@ -252,36 +227,57 @@ def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
     return {"alpha_range": (math.log(low) / 2, math.log(high) / 2), **ranges}
 
 
-def _joints(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[Term]:
-    rows = first_match_groups(randomize.joints, [joint.name for joint in tree.moving_joints])
-    for index, (_, ranges, joints) in enumerate(rows):
+def _joints(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[str]:
+    for index, (_, ranges, joints) in enumerate(randomize.of_joints(tree)):
         mine = [i for i, group in enumerate(groups) if set(group.joints) <= set(joints)]
         loops = [i for i in mine if groups[i].actuator.model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
             gains = {"kp_range": ranges.kp, "kd_range": ranges.kd}
-            yield Term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
+            yield _term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
         limited = [i for i in loops if groups[i].actuator.effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
             share = {"effort_limit_range": ranges.effort}
-            yield Term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)
+            yield _term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)
         names = _names("joint_names", joints)
         for key in ("damping", "friction", "armature"):
             factor = getattr(ranges, key)
             if factor != (1.0, 1.0):
                 scale = {"ranges": factor, "operation": "scale"}
-                yield Term(f"{key}_{index}", f"dr.joint_{key}", names, scale)
+                yield _term(f"{key}_{index}", f"dr.joint_{key}", names, scale)
         if ranges.encoder_bias:
             bias = {"bias_range": (-ranges.encoder_bias, ranges.encoder_bias)}
-            yield Term(f"encoder_bias_{index}", "dr.encoder_bias", names, bias)
+            yield _term(f"encoder_bias_{index}", "dr.encoder_bias", names, bias)
 
 
-def _friction(randomize: Randomize) -> Iterator[Term]:
+def _friction(randomize: Randomize) -> Iterator[str]:
     if randomize.friction is not None:
         drawn = {"ranges": randomize.friction, "operation": "abs"}
         params = {**drawn, "axes": [0], "shared_random": True}
-        yield Term("friction", "dr.geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
+        yield _term("friction", "dr.geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
 
 
 def _names(field: str, names: Sequence[str]) -> str:
-    listed = "".join(f"\n                    {exactly(name)}," for name in names)
-    return f"{field}=({listed}\n                )"
+    return block(f"{field}=", map(exactly, names), 16)
+
+
+# --- literals ------------------------------------------------------------------------------------
+
+
+def literal(value: str) -> str:
+    """A string literal: raw where a backslash would need two."""
+    if "\\" in value and not value.endswith("\\") and '"' not in value and "\n" not in value:
+        return f'r"{value}"'
+    escaped = repr(value)
+    return f'"{escaped[1:-1]}"' if escaped[0] == "'" and '"' not in value else escaped
+
+
+def block(head: str, items: Iterable[str], indent: int = 0, brackets: str = "()") -> str:
+    """`head(` ... `)` on a line indented by so many spaces, with a line for each item."""
+    pad = "\n" + " " * indent
+    lines = "".join(f"{pad}    {item}," for item in items)
+    return f"{head}{brackets[0]}{lines}{pad if lines else ''}{brackets[1]}"
+
+
+def exactly(name: str) -> str:
+    """A literal of the regular expression that matches this name alone."""
+    return literal(re.escape(name))

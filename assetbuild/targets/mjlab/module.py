@@ -18,14 +18,15 @@ from assetbuild.robot.sections import Action
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjlab.events import (
     DriveGroup,
-    Term,
+    block,
     carries,
     events_text,
+    exactly,
     imports,
+    literal,
     replaced,
     terms,
 )
-from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
 
 Spread = tuple[Positive, Positive]
 
@@ -138,9 +139,9 @@ class ModuleFacts:
         return tuple(map(re.escape, joints))
 
     @cached_property
-    def events(self) -> list[Term]:
-        """The recipe's `randomize` in mjlab's terms."""
-        return terms(self.randomize, self.tree, self.groups) if self.randomize else []
+    def events(self) -> str:
+        """The recipe's `randomize` in mjlab's terms; "" without any."""
+        return terms(self.randomize, self.tree, self.groups) if self.randomize else ""
 
 
 def module_text(facts: ModuleFacts) -> str:
@@ -195,9 +196,9 @@ def _facts(facts: ModuleFacts) -> str:
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
 ROOT_BODY = {literal(written[facts.tree.root])}
 IMU_SITE = {literal(written.get(facts.imu_site, facts.imu_site))}
-FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
-FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
-ACTION_SCALE = {dict_of(scale)}
+FOOT_SITES = {block("", (literal(foot.site) for foot in facts.feet))}
+FOOT_GEOMS = {block("", (literal(geom) for foot in facts.feet for geom in foot.geoms))}
+ACTION_SCALE = {block("", (f"{literal(name)}: {each!r}" for name, each in scale.items()), 0, "{}")}
 """{share} of the error that asks for the whole effort, {least!r} to {action.rad!r} rad
 or at most {action.m!r} m, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
@@ -210,13 +211,15 @@ def _scale(facts: ModuleFacts, group: DriveGroup) -> float:
 
 
 def _robot(facts: ModuleFacts) -> str:
-    actuators = "".join(_actuator(group) for group in facts.groups)
+    actuators = block("", map(_actuator, facts.groups), 12)
     start = initial_pose(facts.tree, facts.control)
     base = facts.tree.root_pose(start)  # of a fixed root too: mjlab puts it here
     joints = dict(start.joints)
-    drives = f"({actuators}\n            )" if actuators else "()"
     # A regex of mjlab may not match nothing, so a robot without joints has no map of them.
-    positions = dict_of(joints, 12, escape=True) if joints else '{".*": 0.0}'
+    positions = '{".*": 0.0}'
+    if joints:
+        items = (f"{exactly(name)}: {value!r}" for name, value in joints.items())
+        positions = block("", items, 12, "{}")
     return f'''
 def spec() -> mujoco.MjSpec:
     """The bare model; mjlab adds drives, options and the initial state."""
@@ -234,7 +237,7 @@ def robot_cfg() -> EntityCfg:
             joint_vel={{".*": 0.0}},
         ),
         articulation=EntityArticulationInfoCfg(
-            actuators={drives},
+            actuators={actuators},
             soft_joint_pos_limit_factor={facts.options.soft_joint_pos_limit_factor!r},
         ),
     )'''
@@ -255,13 +258,9 @@ def _actuator(group: DriveGroup) -> str:
     fields |= {"armature": a.armature, "frictionloss": a.friction, "viscous_damping": a.damping}
     if group.ranges is not None and group.ranges.delay != (0, 0):
         fields |= dict(zip(("delay_min_lag", "delay_max_lag"), group.ranges.delay, strict=True))
-    keywords = "".join(f"\n                    {name}={value!r}," for name, value in fields.items())
-    names = "".join(f"\n                        {literal(name)}," for name in group.names)
-    return f"""
-                {CLASSES[a.model]}(
-                    target_names_expr=({names}
-                    ),{keywords}
-                ),"""
+    names = block("target_names_expr=", map(literal, group.names), 20)
+    keywords = (f"{name}={value!r}" for name, value in fields.items())
+    return block(CLASSES[a.model], (names, *keywords), 16)
 
 
 def _velocity(facts: ModuleFacts) -> str:
@@ -329,8 +328,8 @@ def _pose(facts: ModuleFacts) -> str:
     reward = facts.options.pose
     knees = tuple(joint for joint in joints if re.fullmatch(reward.knees, joint))
     return f'''
-JOINTS = {tuple_of(joints)}
-KNEES = {tuple_of(knees)}
+JOINTS = {block("", map(literal, joints))}
+KNEES = {block("", map(literal, knees))}
 POSE_SPREAD = {{
     "std_standing": {reward.standing!r},
     "std_walking": {reward.walking!r},

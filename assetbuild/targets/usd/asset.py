@@ -28,6 +28,7 @@ from assetbuild.simulators.usd_names import (
     PHYSICS_MATERIALS,
     POSES,
     ROBOT_QCODE,
+    ROOT_JOINT,
     scene_identifier,
     usd_identifiers,
 )
@@ -126,14 +127,12 @@ def apply_robot_schema(
             if frame.body == body.name:
                 links.append(names.frame(frame.name))
                 stage.OverridePrim(links[-1]).AddAppliedSchema("IsaacSiteAPI")
-    joints = [names.root_joint] if tree.base == "fixed" else []
-    joints += [names.joint(joint.name) for joint in tree.joints]
-    for path, name in zip(joints[-len(tree.joints) :], tree.by_joint, strict=False):
+    joints = {names.root_joint: ROOT_JOINT} if tree.base == "fixed" else {}
+    joints |= {names.joint(name): name for name in tree.by_joint}
+    for path, name in joints.items():
         _named(stage, path, "IsaacJointAPI", "NameOverride", name)
-    if tree.base == "fixed":
-        stage.OverridePrim(names.root_joint).AddAppliedSchema("IsaacJointAPI")
     _relate(robot, "isaac:physics:robotLinks", links)
-    _relate(robot, "isaac:physics:robotJoints", joints)
+    _relate(robot, "isaac:physics:robotJoints", list(joints))
     if control.keyframes:
         UsdGeom.Scope.Define(stage, f"/{names.root}/{POSES}")
         spelled = usd_identifiers(key.name for key in control.keyframes)

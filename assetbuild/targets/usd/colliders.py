@@ -14,7 +14,7 @@ from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Mesh, Shape, Shapes
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import define_shape
-from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco
+from assetbuild.targets.usd.layers import apply_foreign
 from assetbuild.targets.usd.names import PrimPaths
 
 HULL_VERTICES = 64
@@ -76,7 +76,7 @@ def _apply_contact(prim: Usd.Prim, contact: Contact) -> None:
         "margin": contact.margin,
         "gap": contact.gap,
     }
-    apply_mujoco(prim, "MjcCollisionAPI", values)
+    apply_foreign(prim, "MjcCollisionAPI", "mjc", values)
     if contact.margin or contact.gap:
         offsets = {"contactMargin": contact.margin, "contactGap": contact.gap or None}
         apply_foreign(prim, "NewtonCollisionAPI", "newton", offsets)

@@ -21,7 +21,7 @@ from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat
 from assetbuild.robot.softness import USUAL, limit_springs
 from assetbuild.simulators.usd_names import ACTUATORS, JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
-from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
+from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import COUPLED_DEG, coordinate, gain, instance, is_angular, limits
 
@@ -124,7 +124,7 @@ def define_loops(
             # 0 leaves the turn free.
             "torqueScale": loop.torque_scale if loop.kind == "weld" else 0.0,
         }
-        apply_mujoco(made.GetPrim(), "MjcEqualityWeldAPI", soft)
+        apply_foreign(made.GetPrim(), "MjcEqualityWeldAPI", "mjc", soft)
 
 
 def _define_joint(
@@ -198,7 +198,7 @@ def _apply_limit_spring(
     apply_foreign(prim, "NewtonJointAPI", "newton", newton)
     stated = soft or USUAL
     words = {"solreflimit": stated.solref, "solimplimit": stated.solimp}
-    apply_mujoco(prim, "MjcJointAPI", words)
+    apply_foreign(prim, "MjcJointAPI", "mjc", words)
 
 
 def drive_gains(actuator: Actuator) -> tuple[float, float]:

@@ -60,7 +60,10 @@ def new_layer(path: Path, names: PrimPaths) -> Usd.Stage:
 def save(stage: Usd.Stage) -> None:
     """Write the layer; raises StepError when a binary one is newer than usd-core 24.5 reads."""
     layer = stage.GetRootLayer()
-    _reopen(layer.pseudoRoot)
+    for spec in _prims(layer.pseudoRoot):
+        # Untyped definitions become overs again: defining a child has turned them over.
+        if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
+            spec.specifier = Sdf.SpecifierOver
     layer.Save()
     path = Path(layer.realPath)
     if path.suffix == ".usdc":
@@ -73,14 +76,6 @@ def save(stage: Usd.Stage) -> None:
                 f"usd-core wrote binary USD {number}, which usd-core 24.5 cannot read",
                 hint="unset USD_WRITE_NEW_USDC_FILES_AS_VERSION, or build with another usd-core",
             )
-
-
-def _reopen(parent: Sdf.PrimSpec) -> None:
-    """Untyped definitions become overs again: defining a child has turned them over."""
-    for spec in parent.nameChildren:
-        if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
-            spec.specifier = Sdf.SpecifierOver
-        _reopen(spec)
 
 
 def new_interface(path: Path, names: PrimPaths) -> Usd.Stage:
@@ -133,34 +128,28 @@ def label(prim: Usd.Prim, name: str) -> None:
 
 
 def apply_foreign(
-    prim: Usd.Prim, schema: str, prefix: str, values: Mapping[str, bool | int | float | str | None]
+    prim: Usd.Prim,
+    schema: str,
+    prefix: str,
+    values: Mapping[str, bool | int | float | str | tuple[float, ...] | None],
 ) -> None:
     """Apply a schema that usd-core does not ship; its attributes are called `<prefix>:<name>`.
 
-    One whose value is None is left out.
+    One whose value is None is left out. MuJoCo's own, `mjc:<name>`, are uniform and of double
+    precision, in SI and radians.
     NVIDIA's schema packages may not be vendored; runtimes that have them read these as theirs.
     """
-    kinds = Sdf.ValueTypeNames
+    kinds, mujoco = Sdf.ValueTypeNames, prefix == "mjc"
     types = {bool: kinds.Bool, int: kinds.Int, float: kinds.Float, str: kinds.Token}
+    if mujoco:
+        types |= {float: kinds.Double, tuple: kinds.DoubleArray}
+    varies = Sdf.VariabilityUniform if mujoco else Sdf.VariabilityVarying
     prim.AddAppliedSchema(schema)
     for name, value in values.items():
         if value is not None:
             kind = kinds.UInt if name in _UNSIGNED else types[type(value)]
-            prim.CreateAttribute(f"{prefix}:{name}", kind, custom=False).Set(value)
-
-
-def apply_mujoco(
-    prim: Usd.Prim, schema: str, values: Mapping[str, int | float | tuple[float, ...]]
-) -> None:
-    """Apply one of MuJoCo's own schemas, `mjc:<name>`: uniform, double precision, SI, radians."""
-    kinds = Sdf.ValueTypeNames
-    types = {int: kinds.Int, float: kinds.Double, tuple: kinds.DoubleArray}
-    prim.AddAppliedSchema(schema)
-    for name, value in values.items():
-        made = prim.CreateAttribute(
-            f"mjc:{name}", types[type(value)], custom=False, variability=Sdf.VariabilityUniform
-        )
-        made.Set(Vt.DoubleArray(value) if isinstance(value, tuple) else value)
+            made = prim.CreateAttribute(f"{prefix}:{name}", kind, custom=False, variability=varies)
+            made.Set(Vt.DoubleArray(value) if isinstance(value, tuple) else value)
 
 
 # --- each engine's own words in a layer of their own ---------------------------------------------

@@ -25,11 +25,6 @@ def to_usd_degrees(angle_rad: float) -> float:
     return math.degrees(angle_rad)
 
 
-def to_per_degree(gain_per_rad: float) -> float:
-    """Gain or viscous friction: N m/rad to N m/deg, N m s/rad to N m s/deg."""
-    return gain_per_rad * (math.pi / 180.0)
-
-
 def coordinate(joint: Joint, value: float) -> float:
     """A joint coordinate, limit or velocity in USD's unit: deg (deg/s), or m (m/s) unchanged."""
     return to_usd_degrees(value) if is_angular(joint) else value
@@ -37,7 +32,7 @@ def coordinate(joint: Joint, value: float) -> float:
 
 def gain(joint: Joint, value: float) -> float:
     """Stiffness, damping or viscous friction in USD's unit: per deg, or per m unchanged."""
-    return to_per_degree(value) if is_angular(joint) else value
+    return value * (math.pi / 180.0) if is_angular(joint) else value
 
 
 def limits(joint: Joint) -> tuple[float, float]:

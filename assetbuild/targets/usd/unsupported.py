@@ -102,7 +102,6 @@ def _limits(joint: Joint) -> Iterator[Finding]:
         yield ONE_SIDED_LIMIT(
             f"joint {joint.name}",
             "has one limit; some readers of PhysX then limit neither side",
-            hint="give the joint both limits",
         )
 
 
@@ -182,6 +181,5 @@ def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
                 f"joint {name}",
                 f"0 is outside of its limits: it starts at {position:.4g} in PhysX, which "
                 "blows up outside of them",
-                hint="add a keyframe `home`",
                 data={"position": position},
             )

@@ -20,7 +20,7 @@ from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import MOVING, Tree
-from assetbuild.robot.ranges import first_match
+from assetbuild.robot.ranges import by_joint
 from assetbuild.targets.xrdf.covers import Covered, LimitTable, XrdfOptions, covers_of, overlaps
 
 NO_URDF = Rule(
@@ -126,7 +126,7 @@ class Xrdf(Target):
 
     def _limit(self, key: str, joint: str) -> float | None:
         stated: float | LimitTable | None = getattr(self.options, key)
-        return first_match(stated, joint) if isinstance(stated, dict) else stated
+        return by_joint(stated, joint)
 
     def _tool_frames(self, links: Tree) -> list[str]:
         for frame in self.options.tool_frames:
@@ -143,7 +143,6 @@ class Xrdf(Target):
             yield NO_URDF(
                 "recipe targets",
                 "the XRDF names links and joints of `urdf/`, which the bundle does not hold",
-                hint="add `urdf` to the targets",
             )
         for key in ("acceleration", "jerk"):
             bare = [joint for joint in planned if self._limit(key, joint) is None]
