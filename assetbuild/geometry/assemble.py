@@ -259,11 +259,11 @@ class _Palette:
 
     def _of_part(self, part: MeshPart, folder: Path) -> str | None:
         """The material inside the mesh file, when it has a colour or a texture in `folder`."""
-        if part.texture is None:
-            if part.rgba is None:
-                return None
-            return self._take(Material(part.material or "material", part.rgba))
-        texture = self._library.add_picture(folder / part.texture, part.texture)
+        texture = part.texture
+        if texture is not None:
+            self._library.add_picture(folder / texture, texture)
+        elif part.rgba is None:
+            return None
         return self._take(Material(part.material or "material", part.rgba or WHITE, texture))
 
     @property

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
@@ -28,6 +29,8 @@ from assetbuild.mesh.triangles import (
 from assetbuild.plugin_types import ConvertedMesh, MeshPart
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3, vec3
+
+T = TypeVar("T", np.float64, np.int64)
 
 NO_AREA = 1e-14
 """m2: MuJoCo refuses a mesh whose surface is smaller."""
@@ -297,12 +300,9 @@ def with_four_corners(mesh: TriangleMesh) -> TriangleMesh:
     """
     if len(mesh.vertices) != 3 or not len(mesh.faces):
         return mesh
-    ends = np.roll(mesh.faces, -1, axis=1)
-    middle = np.full(len(mesh.faces), 3)
-    thirds = [np.stack([mesh.faces[:, i], ends[:, i], middle], axis=1) for i in range(3)]
     return TriangleMesh(
         np.vstack([mesh.vertices, mesh.vertices.mean(axis=0)]),
-        np.concatenate(thirds),
+        _thirds(mesh.faces, np.full(len(mesh.faces), 3)),
         None if mesh.uv is None else _thirds(mesh.uv, mesh.uv.mean(axis=1)),
         None
         if mesh.normals is None
@@ -310,8 +310,8 @@ def with_four_corners(mesh: TriangleMesh) -> TriangleMesh:
     )
 
 
-def _thirds(corners: Array, middle: Array) -> Array:
-    """(3 m, 3, k): from each edge of (m, 3, k) corners to the (m, k) middle."""
+def _thirds(corners: NDArray[T], middle: NDArray[T]) -> NDArray[T]:
+    """(3 m, 3, ...): from each edge of (m, 3, ...) corners to the (m, ...) middle."""
     ends = np.roll(corners, -1, axis=1)
     thirds = [np.stack([corners[:, i], ends[:, i], middle], axis=1) for i in range(3)]
     return np.concatenate(thirds)

@@ -118,18 +118,16 @@ class DecimateMesh(Step):
 
     def _search(self, meshes: Sequence[TriangleMesh]) -> _Attempt | None:
         """The first goal, doubling, that keeps the shape; None when only the original does."""
-        free = [mesh.uv is None for mesh in meshes]
-        fixed = sum(len(m.faces) for m, f in zip(meshes, free, strict=True) if not f)
+        fixed = sum(len(mesh.faces) for mesh in meshes if mesh.uv is not None)
         total = sum(len(mesh.faces) for mesh in meshes) - fixed
         budget = max(self.max_faces - fixed, 4)
-        reached = total
         while budget < total:
             share = budget / total
             made = tuple(
-                _simplified(mesh, max(4, int(len(mesh.faces) * share))) if f else mesh
-                for mesh, f in zip(meshes, free, strict=True)
+                _simplified(mesh, max(4, int(len(mesh.faces) * share))) if mesh.uv is None else mesh
+                for mesh in meshes
             )
-            reached = sum(len(m.faces) for m, f in zip(made, free, strict=True) if f)
+            reached = sum(len(mesh.faces) for mesh in made) - fixed
             if 0 < reached < total and (attempt := _judged(made, meshes)).good:
                 return attempt
             budget = max(2 * budget, reached)

@@ -69,8 +69,9 @@ class Cloud:
             reference.diagonal,
         )
 
-    def score(self, distance: Array) -> float:
-        """Score a union by its signed distances (n,), m; 0 is a perfect cover."""
+    def score(self, fits: Sequence[Fitted]) -> float:
+        """Score the union of some primitives; 0 is a perfect cover."""
+        distance = np.min([ConvexPiece(*fitted).distance(self.points) for fitted in fits], axis=0)
         near = np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size
         occupied = (distance <= 0.0).astype(np.float64)
         return self._score(occupied, near.astype(np.float64), distance)
@@ -126,7 +127,7 @@ def fit_parts(
     if Sphere in kinds:
         fits = _with_balls(fits, cloud)
     fits = [tidy(fitted) for fitted in fits]
-    return fits, cloud.score(_union(fits, cloud.points))
+    return fits, cloud.score(fits)
 
 
 def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
@@ -141,15 +142,9 @@ def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
         radius = (volume_of(primitive) / (4.0 / 3.0 * math.pi)) ** (1.0 / 3.0)
         tried = [*fits[:number], (Sphere(radius), pose), *fits[number + 1 :]]
         tried = _refined(tried, cloud, SOFTNESS[-1] * cloud.size)
-        best = cloud.score(_union(fits, cloud.points))
-        if cloud.score(_union(tried, cloud.points)) <= best + AS_GOOD:
+        if cloud.score(tried) <= cloud.score(fits) + AS_GOOD:
             fits = tried
     return fits
-
-
-def _union(fits: Sequence[Fitted], points: Array) -> Array:
-    nearest: Array = np.min([ConvexPiece(*fitted).distance(points) for fitted in fits], axis=0)
-    return nearest
 
 
 # --- a part on its own ----------------------------------------------------------------------
@@ -170,7 +165,7 @@ def _best_for(
         for primitive, pose in smallest
         for factor in SHRUNK
     )
-    return first_best(fits, lambda fitted: cloud.score(_union([fitted], cloud.points)))
+    return first_best(fits, lambda fitted: cloud.score([fitted]))
 
 
 # --- all together ---------------------------------------------------------------------------
@@ -206,5 +201,4 @@ def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
     )  # fmt: skip
     x = np.asarray(result.x, dtype=np.float64)
     made = [way.body(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
-    before = cloud.score(_union(fits, cloud.points))
-    return made if cloud.score(_union(made, cloud.points)) <= before else fits
+    return made if cloud.score(made) <= cloud.score(fits) else fits

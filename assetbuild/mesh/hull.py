@@ -46,6 +46,14 @@ def convex_hull(
     return capped(_hull_of(distinct, subject), max_vertices, max_polygons, subject=subject)
 
 
+def hull_or_points(points: Array) -> TriangleMesh:
+    """The hull of points (n, 3); of flat ones, which have none, all of them and no face."""
+    try:
+        return convex_hull(points)
+    except StepError:
+        return TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
+
+
 def capped(
     hull: TriangleMesh,
     max_vertices: int | None,

@@ -275,18 +275,10 @@ def widest_hole(mesh: TriangleMesh) -> float:
 
 def _enclosed(through: NDArray[np.bool_]) -> int:
     """Rays of the largest patch that does not reach the edge of the picture; 0 = a slit at most."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy.ndimage import label
 
-    number = np.arange(GRID * GRID).reshape(GRID, GRID)
-    ends = [(number[:, :-1], number[:, 1:]), (number[:-1], number[1:])]
-    left, right = (
-        np.concatenate([end.ravel() for end in side]) for side in zip(*ends, strict=True)
-    )
-    both = through[left] & through[right]
-    joined = coo_array((both[both], (left[both], right[both])), shape=(GRID * GRID,) * 2)
-    _, patches = connected_components(joined, directed=False)
-    at_edge = np.concatenate([number[[0, -1]].ravel(), number[:, [0, -1]].ravel()])
-    sizes = np.bincount(patches)
-    sizes[patches[at_edge]] = 0
+    patches, _ = label(through.reshape(GRID, GRID))
+    sizes = np.bincount(patches.ravel())
+    sizes[0] = 0  # no patch: rays that strike something
+    sizes[patches[[0, -1]]] = sizes[patches[:, [0, -1]]] = 0
     return int(sizes.max()) if sizes.max() >= LEAST else 0

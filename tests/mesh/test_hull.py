@@ -10,8 +10,8 @@ import pytest
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.fit_many import Cloud
-from assetbuild.mesh.hull import convex_hull, polygon_count
-from assetbuild.mesh.hulls import common_hull, hull_or_points, read_meshes, write_meshes
+from assetbuild.mesh.hull import convex_hull, hull_or_points, polygon_count
+from assetbuild.mesh.hulls import common_hull, read_meshes, write_meshes
 from assetbuild.mesh.primitives import (
     distance_slopes,
     resized,
