@@ -111,9 +111,7 @@ class ConvertMesh(Step):
         painted = _Painted({**companions, **source.pictures}, files.outputs / "parts")
         textured = [painted.part(part) for part in source.parts]
         parts = [MaterialPart(p.material, self._prepared(p)) for p in textured]
-        yield from _collapsed(source.parts, parts)
-        yield from _without_coordinates(source.parts, parts)
-        yield from _invisible(parts)
+        yield from _left_out(source.parts, parts)
         parts = [
             replace(p, mesh=with_four_corners(p.mesh)) for p in parts if area(p.mesh) > NO_AREA
         ]
@@ -140,42 +138,32 @@ class ConvertMesh(Step):
         return mesh
 
 
-def _collapsed(before: Sequence[MaterialPart], after: Sequence[MaterialPart]) -> Iterator[Finding]:
-    faces = sum(len(part.mesh.faces) for part in before)
-    dropped = faces - sum(len(part.mesh.faces) for part in after)
-    if dropped:
+def _left_out(before: Sequence[MaterialPart], after: Sequence[MaterialPart]) -> Iterator[Finding]:
+    """What of the file's parts was left out when they were prepared, or will be."""
+    faces, kept = (sum(len(part.mesh.faces) for part in parts) for parts in (before, after))
+    if kept < faces:
         yield COLLAPSED_FACES(
             "mesh",
-            f"{dropped} of {faces} triangles use one point twice and are left out",
-            data={"dropped": dropped, "faces": faces},
+            f"{faces - kept} of {faces} triangles use one point twice and are left out",
+            data={"dropped": faces - kept, "faces": faces},
         )
-
-
-def _invisible(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
-    thin = [p for p in parts if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
-    if thin:
-        faces = sum(len(part.mesh.faces) for part in thin)
-        yield LINES_ONLY(
-            "mesh",
-            f"{len(thin)} of {len(parts)} parts are lines without any area "
-            f"({faces} triangles): too small to see, left out",
-            hint="delete them in the source",
-            data={"parts": len(thin), "faces": faces},
-        )
-
-
-def _without_coordinates(
-    before: Sequence[MaterialPart], after: Sequence[MaterialPart]
-) -> Iterator[Finding]:
-    dropped = sum(
-        old.mesh.uv is not None and new.mesh.uv is None
-        for old, new in zip(before, after, strict=True)
-    )
+    pairs = zip(before, after, strict=True)
+    dropped = sum(old.mesh.uv is not None and new.mesh.uv is None for old, new in pairs)
     if dropped:
         yield UNUSED_UV(
             "mesh",
             f"texture coordinates without a texture are left out (parts: {dropped})",
             data={"parts": dropped},
+        )
+    thin = [p for p in after if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
+    if thin:
+        faces = sum(len(part.mesh.faces) for part in thin)
+        yield LINES_ONLY(
+            "mesh",
+            f"{len(thin)} of {len(after)} parts are lines without any area "
+            f"({faces} triangles): too small to see, left out",
+            hint="delete them in the source",
+            data={"parts": len(thin), "faces": faces},
         )
 
 

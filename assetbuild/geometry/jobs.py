@@ -214,45 +214,32 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
 
     A question to the graph: meshes are compared once they are converted.
     """
-    shared, nodes = _by_mesh(jobs, converted)
-    if len(nodes) < 2:
-        return {}
-    folders = {label: f"shapes/{number}" for number, label in enumerate(nodes)}
-    inputs = {
-        f"{folders[label]}/{output}": node[output]
-        for label, node in nodes.items()
-        for output in ("parts/", "mesh.json")
-    }
-    node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
-    answer = p.ask(node["matches.json"])
-    if answer is None:
-        return None
-    matches = json.loads(answer)
-    by_folder = {folder: label for label, folder in folders.items()}
-    twins: dict[Job, tuple[Job, Likeness]] = {}
-    for (label, options), same in shared.items():
-        match = matches.get(folders[label])
-        others = shared.get((by_folder[match["like"]], options)) if match else None
-        if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
-            likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
-            twins |= dict.fromkeys(same, (others[0], likeness))
-    return twins
-
-
-def _by_mesh(
-    jobs: Sequence[Job], converted: Converted
-) -> tuple[dict[tuple[str, str], list[Job]], dict[str, Node]]:
-    """({(label of the mesh, fields): jobs with them}, {label: node}) of those worth comparing."""
-    groups: dict[tuple[str, str], list[Job]] = {}
-    nodes: dict[str, Node] = {}
+    groups: dict[MeshFile, dict[str, list[Job]]] = {}
     for job in jobs:
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
         mesh = job.shapes[0].geometry
-        if job.per_link or job.places or not isinstance(mesh, MeshFile):
-            continue
-        node = converted(mesh)
-        nodes[node.label] = node
-        options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
-        groups.setdefault((node.label, options), []).append(job)
-    return groups, nodes
+        if not job.per_link and not job.places and isinstance(mesh, MeshFile):
+            options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
+            groups.setdefault(mesh, {}).setdefault(options, []).append(job)
+    if len(groups) < 2:
+        return {}
+    folders = {f"shapes/{number}": mesh for number, mesh in enumerate(groups)}
+    inputs = {
+        f"{folder}/{output}": converted(mesh)[output]
+        for folder, mesh in folders.items()
+        for output in ("parts/", "mesh.json")
+    }
+    node = p.add("match_shapes", MatchShapes(folders=tuple(folders)), inputs)
+    answer = p.ask(node["matches.json"])
+    if answer is None:
+        return None
+    twins: dict[Job, tuple[Job, Likeness]] = {}
+    for folder, match in json.loads(answer).items():
+        likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
+        earlier = groups[folders[match["like"]]]
+        for options, same in groups[folders[folder]].items():
+            others = earlier.get(options)
+            if others and jobs.index(others[0]) < jobs.index(same[0]):  # else not planned yet
+                twins |= dict.fromkeys(same, (others[0], likeness))
+    return twins

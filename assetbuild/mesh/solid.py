@@ -35,6 +35,7 @@ class Solid:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
         self._closed = mesh.is_closed
         self._same = SAME * mesh.diagonal
         self._views = functools.lru_cache(lambda ray: Across(mesh, np.asarray(ray)))
