@@ -101,10 +101,8 @@ def collision_jobs(
     recipe: Recipe, folder: Path, links: Tree, shapes: SourceShapes
 ) -> tuple[Job, ...]:
     """All collision uses of the robot, in the order of its links. folder: of the recipe."""
-    jobs: list[Job] = []
-    for body in links.bodies:
-        jobs += _jobs_of(recipe, folder, body.name, links, shapes)
-    return tuple(jobs)
+    by_link = (_jobs_of(recipe, folder, body.name, links, shapes) for body in links.bodies)
+    return tuple(job for jobs in by_link for job in jobs)
 
 
 def _jobs_of(
@@ -123,7 +121,7 @@ def _jobs_of(
         fields["bones"] = tuple(sorted(end for end in ends if math.hypot(*end) > BONE_M))
     places = (*rule.keep_open, *rule.regions)
     if method.scope != "shape":
-        files = _own_meshes(rule, fields, folder)
+        files = _own_meshes(fields, folder)
         return [Job(link, link_shapes, method, fields, places, files)]
     return [
         Job(link, (shape,))
@@ -134,21 +132,17 @@ def _jobs_of(
 
 
 def _own_meshes(
-    rule: CollisionRule,
-    fields: dict[str, Any],
-    folder: Path,  # Any: as Job.fields
+    fields: dict[str, Any],  # Any: as Job.fields
+    folder: Path,
 ) -> tuple[MeshFile, ...]:
     """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
     meshes: list[MeshFile] = []
-    for piece, data in zip(
-        getattr(rule, "pieces", None) or (), fields.get("pieces", ()), strict=True
-    ):
-        if piece.file is None:
-            continue
-        mesh = MeshFile(str(file_of(piece.file, folder)), piece.scale or (1.0, 1.0, 1.0))
-        if mesh not in meshes:
-            meshes.append(mesh)
-        data |= {"file": f"own/{meshes.index(mesh)}", "scale": None}
+    for piece in fields.get("pieces", ()):
+        if piece["file"] is not None:
+            path = str(file_of(piece["file"], folder))
+            mesh = MeshFile(path, piece["scale"] or (1.0, 1.0, 1.0))
+            meshes += [mesh] * (mesh not in meshes)
+            piece |= {"file": f"own/{meshes.index(mesh)}", "scale": None}
     return tuple(meshes)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,13 +12,6 @@ from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged
 from assetbuild.robot.pose import Array
 
 Rgba = tuple[float, float, float, float]
-
-VERTEX_COLOURS = Rule(
-    "mesh.vertex_colours",
-    "info",
-    "colours of single vertices were left out",
-    "give the mesh a material, or a texture",
-)
 
 STRAY = Rule(
     "mesh.stray_bytes",
@@ -50,6 +43,7 @@ class SourceMesh:
     """What a mesh file holds: parts by material, order of first appearance; metres.
 
     pictures: those that lie inside the file, as PNG, by the name that materials use.
+    coloured: do single vertices or faces have colours, for which no target has a place?
     up_axis: as the file says, in COLLADA's words; None when it does not.
     """
 
@@ -57,6 +51,7 @@ class SourceMesh:
     findings: tuple[Finding, ...] = ()
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     up_axis: str | None = None
+    coloured: bool = False
 
 
 def group_by_material(
@@ -96,13 +91,3 @@ def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
 def corner_normals(mesh: TriangleMesh) -> Array:
     """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
     return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
-
-
-def colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
-    """Told once per mesh file with colours of single vertices, which readers leave out."""
-    if has_colours:
-        yield VERTEX_COLOURS(
-            subject,
-            "colours of single vertices or faces are left out: no target has a place for them",
-            hint="give the mesh a material, or a texture",
-        )
