@@ -242,12 +242,22 @@ class _Palette:
         material = self._source.get(shape.material) if shape.material is not None else None
         if material is None or use.role != "visual":
             return None
-        shown = replace(material, texture=self._texture(material, uv))
-        png = self._pictures.get(material.texture or "")
-        if not use.named and not uv and png is not None and png.is_file():
-            pairs = zip(material.rgba, mean_colour(png.read_bytes()), strict=False)
-            r, g, b = (stated * average for stated, average in pairs)
-            shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
+        stated = material.texture
+        png = self._pictures.get(stated or "")
+        shown = replace(material, texture=None)
+        if stated is not None and png is None:
+            self._tell(TEXTURE_MISSING, material, "is not in the source", "add the file")
+        elif stated is not None and png is not None and png.is_file():  # else its step says why
+            data = png.read_bytes()
+            if uv:
+                name = self._library.add_picture(png, picture_name(stated, data))
+                return self._take(replace(material, texture=name))
+            what = "lies on shapes without texture coordinates: they get one colour"
+            self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
+            if not use.named:
+                pairs = zip(material.rgba, mean_colour(data), strict=False)
+                r, g, b = (own * average for own, average in pairs)
+                shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
         return self._take(shown)
 
     def of_mesh(self, use: Use, shape: SourceShape, part: MeshPart, folder: Path) -> str | None:
@@ -276,21 +286,6 @@ class _Palette:
         message = f"the meshes of {len(names)} shapes bring materials of their own, which count "
         message += f"instead of the URDF's: {shown}"
         return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(names)}))
-
-    def _texture(self, material: Material, uv: bool) -> str | None:
-        if material.texture is None:
-            return None
-        png = self._pictures.get(material.texture)
-        if png is None:
-            self._tell(TEXTURE_MISSING, material, "is not in the source", "add the file")
-            return None
-        if not png.is_file():
-            return None  # `convert_texture` says why
-        if not uv:
-            what = "lies on shapes without texture coordinates: they get one colour"
-            self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
-            return None
-        return self._library.add_picture(png, picture_name(material.texture, png.read_bytes()))
 
     def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:
         key = (rule.id, material.name)

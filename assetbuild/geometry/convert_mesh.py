@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
+from assetbuild.mesh.material import MaterialPart, corner_normals
 from assetbuild.mesh.obj import SUFFIX, array_bytes
 from assetbuild.mesh.picture import has_holes, picture_name, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
@@ -243,8 +243,20 @@ def write_converted(
     whole = weld(merged([part.mesh for part in parts]))
     closed = whole.is_closed  # when all parts together are
     lower, upper = whole.bounds
+    described = (
+        MeshPart(
+            file=f"{number}{SUFFIX}",
+            vertices=len(part.mesh.vertices),
+            faces=len(part.mesh.faces),
+            material=part.material.name,
+            rgba=part.material.rgba,
+            texture=part.material.texture,
+            uv=part.mesh.uv is not None,
+        )
+        for number, part in enumerate(parts)
+    )
     record = ConvertedMesh(
-        parts=tuple(_described(f"{n}{SUFFIX}", part) for n, part in enumerate(parts)),
+        parts=tuple(described),
         faces=len(whole.faces),
         area_m2=area(whole),
         lower=vec3(lower),
@@ -255,19 +267,6 @@ def write_converted(
         turned=turned,
     )
     (folder / "mesh.json").write_bytes(encode(record))
-
-
-def _described(file: str, part: MaterialPart) -> MeshPart:
-    material: SurfaceMaterial = part.material
-    return MeshPart(
-        file=file,
-        vertices=len(part.mesh.vertices),
-        faces=len(part.mesh.faces),
-        material=material.name,
-        rgba=material.rgba,
-        texture=material.texture,
-        uv=part.mesh.uv is not None,
-    )
 
 
 def _tidy_normals(mesh: TriangleMesh, stated: Array) -> Array:

@@ -110,9 +110,9 @@ def _jobs_of(
 ) -> list[Job]:
     rule = first_match(recipe.collision.links, link) or recipe.collision.default
     link_shapes = _source_of(rule, link, shapes)
-    method = method_of(rule)
-    if method is None or not isinstance(rule, ShapedRule):
+    if rule.method in BUILT_IN or not isinstance(rule, ShapedRule):
         return [Job(link, (shape,)) for shape in link_shapes] if rule.method == "keep" else []
+    method = load_plugin(CollisionMethod, rule.method)
     if not link_shapes and method.step_name() != "explicit":
         return []
     fields = _fields(rule, recipe, method)
@@ -159,13 +159,6 @@ def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[So
     if rule.from_ == "auto":
         return of_link["collision"] or of_link["visual"]
     return of_link[rule.from_]
-
-
-def method_of(rule: CollisionRule) -> type[CollisionMethod] | None:
-    """The plug-in of a rule, None for `keep` and `none`."""
-    if rule.method in BUILT_IN:
-        return None
-    return load_plugin(CollisionMethod, rule.method)
 
 
 def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> None:

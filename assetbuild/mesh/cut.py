@@ -45,7 +45,14 @@ def cut_parts(mesh: TriangleMesh, filling: Array, cell_m3: float, count: int) ->
 
     filling: (n, 3) points evenly inside the mesh, each of which stands for `cell_m3`.
     """
-    whole = _whole(mesh, filling, cell_m3)
+    whole = _Part(
+        skin=surface_samples(mesh, SKIN, 0)[0],
+        kept=mesh.vertices if len(mesh.vertices) < SEEN // 2 else np.zeros((0, 3)),
+        inner=filling,
+        faces=mesh.faces,
+        clipped=np.zeros((0, 3, 3)),
+        reach_m=cell_m3 ** (1.0 / 3.0),
+    )
     same_m = SAME * mesh.diagonal
     ledges = [_ledges(mesh.vertices[:, axis], same_m) for axis in range(3)]
     least = LEAST_GAIN * whole.hull_m3
@@ -161,17 +168,6 @@ class _Part:
             )
             kept = np.concatenate([kept, cap])
             yield _Part(skin, kept, inner, self.faces[:0], self.clipped[:0], self.reach_m)
-
-
-def _whole(mesh: TriangleMesh, filling: Array, cell_m3: float) -> _Part:
-    return _Part(
-        skin=surface_samples(mesh, SKIN, 0)[0],
-        kept=mesh.vertices if len(mesh.vertices) < SEEN // 2 else np.zeros((0, 3)),
-        inner=filling,
-        faces=mesh.faces,
-        clipped=np.zeros((0, 3, 3)),
-        reach_m=cell_m3 ** (1.0 / 3.0),
-    )
 
 
 def _ledges(places_m: Array, same_m: float) -> tuple[Array, Indices]:

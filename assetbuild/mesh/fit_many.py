@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import AS_GOOD, enclosing_each, first_best, tidy
@@ -42,32 +40,21 @@ STUBBY = 2.0
 """Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
 
 
-@dataclass(frozen=True, eq=False)
 class Cloud:
     """Points about a mesh (n, 3), which are inside, and how far each is from the surface, m.
 
-    The last SAMPLES of `points` lie on the surface and have no part in the volumes. size: the
-    diagonal, m.
+    The last SAMPLES of `points` lie on the surface and have no part in the volumes. Seeded.
     """
 
-    points: Array
-    inside: NDArray[np.bool_]
-    depth: Array
-    size: float
-
-    @classmethod
-    def of(cls, reference: Reference) -> Cloud:
-        """Seeded; a mesh without an inside is its hull."""
+    def __init__(self, reference: Reference) -> None:
         lower, upper = reference.mesh.bounds
         room = MARGIN * (upper - lower)
         cloud = sobol(POINTS, lower - room, upper + room)
         on_surface = surface_samples(reference.mesh, SAMPLES, 0)[0]
-        return cls(
-            np.concatenate([cloud, on_surface]),
-            reference.solid.contains(cloud),
-            reference.surface.distance(cloud),
-            reference.diagonal,
-        )
+        self.points = np.concatenate([cloud, on_surface])
+        self.inside = reference.solid.contains(cloud)
+        self.depth = reference.surface.distance(cloud)
+        self.size = reference.diagonal
 
     def score(self, fits: Sequence[Fitted]) -> float:
         """Score the union of some primitives; 0 is a perfect cover."""
@@ -120,7 +107,7 @@ def fit_parts(
 
     bones: (x, y, z) from the frame's origin to the next joints, m: a leg's capsule follows them.
     """
-    cloud = Cloud.of(reference)
+    cloud = Cloud(reference)
     fits = [_best_for(part, kinds, bones) for part in parts]
     for softness in SOFTNESS:
         fits = _refined(fits, cloud, softness * cloud.size)
@@ -158,7 +145,7 @@ def _best_for(
     Its axis is one of the candidates: all are turned together afterwards.
     """
     reference = Reference(part)
-    cloud = Cloud.of(reference)
+    cloud = Cloud(reference)
     smallest = enclosing_each(reference, kinds, bones, rough=True)
     fits = (
         (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)

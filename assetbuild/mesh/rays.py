@@ -266,9 +266,8 @@ def widest_hole(mesh: TriangleMesh) -> float:
     u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
     most = 0
     for direction in np.concatenate([np.eye(3), principal]):
-        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-        first /= np.linalg.norm(first)
-        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
+        first, second, forward = _axes(direction)
+        origins = middle - reach * forward + u * first + v * second
         most = max(most, _enclosed(missed(origins, Across(mesh, direction))))
     return float(most * (reach / GRID) ** 2)
 
