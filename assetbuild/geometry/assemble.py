@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import obj_of
 from assetbuild.mesh.picture import mean_colour, picture_name
@@ -133,10 +134,9 @@ def _without_collision(source: SourceShapes, uses: tuple[Use, ...]) -> Iterator[
     covered = {use.link for use in uses if use.role == "collision"}
     bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
     if bare:
-        shown = ", ".join(f"`{link}`" for link in bare[:6]) + (", ..." if len(bare) > 6 else "")
         yield NO_COLLISION(
             "recipe collision",
-            f"links with geometry but without collision geometry, {len(bare)}: {shown}",
+            f"links with geometry but without collision geometry, {len(bare)}: {quoted(bare, 6)}",
             hint="their rule says `none`, or the geometry that it asks for is not in the source",
             data={"links": len(bare)},
         )
@@ -282,9 +282,8 @@ class _Palette:
         names = list(dict.fromkeys(self._own))
         if not names:
             return tuple(self._told.values())
-        shown = ", ".join(f"`{name}`" for name in names[:4]) + (", ..." if len(names) > 4 else "")
         message = f"the meshes of {len(names)} shapes bring materials of their own, which count "
-        message += f"instead of the URDF's: {shown}"
+        message += f"instead of the URDF's: {quoted(names, 4)}"
         return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(names)}))
 
     def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:

@@ -107,8 +107,7 @@ def judge_up_axes(
 
     records: by the name of the shape; a mesh without one is no witness.
     """
-    votes = _votes(tree, shapes, records)
-    doubted = _doubted(shapes, records)
+    votes, doubted = _votes(tree, shapes, records)
     wrong = _wrong(votes, doubted)
     better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
     if not better:
@@ -136,7 +135,7 @@ def meshes_to_turn(
     tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> frozenset[str]:
     """Paths of the meshes that stand best with the up axis that they state; none was turned."""
-    return _wrong(_votes(tree, shapes, records), _doubted(shapes, records))
+    return _wrong(*_votes(tree, shapes, records))
 
 
 def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> frozenset[str]:
@@ -166,31 +165,23 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> froz
     return frozenset(wrong)
 
 
-def _doubted(
-    shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
-) -> dict[str, ConvertedMesh]:
-    """Meshes that state an up axis, by path."""
-    return {
-        shape.geometry.path: records[shape.name]
-        for shape in shapes.shapes
-        if isinstance(shape.geometry, MeshFile)
-        and shape.name in records
-        and records[shape.name].up_axis is not None
-    }
-
-
-def _votes(tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> list[_Vote]:
-    """What each link says of its meshes, where it says anything clearly."""
+def _votes(
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
+) -> tuple[list[_Vote], dict[str, ConvertedMesh]]:
+    """What each link says of its meshes, where it says anything clearly; and the meshes that state
+    an up axis, by path."""
     by_link: dict[str, list[_Standing]] = {}
+    doubted: dict[str, ConvertedMesh] = {}
     for shape in shapes.shapes:
-        if (standing := _standing(shape, records.get(shape.name))) is not None:
+        record = records.get(shape.name)
+        standing = _standing(shape, record)
+        if standing is not None:
             by_link.setdefault(shape.link, []).append(standing)
-    return [
-        vote
-        for body in tree.bodies
-        for role in get_args(Role)
-        if (vote := _vote(body, role, _joints_at(body.name, tree), by_link.get(body.name, [])))
-    ]
+            if standing.path is not None and record is not None:
+                doubted[standing.path] = record
+    asked = ((body, role) for body in tree.bodies for role in get_args(Role))
+    said = (_vote(body, role, tree, by_link.get(body.name, [])) for body, role in asked)
+    return [vote for vote in said if vote is not None], doubted
 
 
 def _standing(shape: SourceShape, record: ConvertedMesh | None) -> _Standing | None:
@@ -219,11 +210,8 @@ def _joints_at(link: str, tree: Tree) -> Array:
     return np.array([*below, *above], dtype=np.float64).reshape(-1, 3)
 
 
-def _vote(body: Body, role: Role, joints: Array, shapes: Sequence[_Standing]) -> _Vote | None:
-    """What a link says of its meshes of one role; None where it says nothing clearly.
-
-    joints: (n, 3) m, its own; shapes: all of the link.
-    """
+def _vote(body: Body, role: Role, tree: Tree, shapes: Sequence[_Standing]) -> _Vote | None:
+    """What a link with these shapes says of its meshes of one role; None: nothing clearly."""
     # One box for all parts of a role: collision is cut into other pieces than what is seen.
     same = [shape for shape in shapes if shape.role == role]
     paths = tuple(dict.fromkeys(shape.path for shape in same if shape.path is not None))
@@ -240,6 +228,7 @@ def _vote(body: Body, role: Role, joints: Array, shapes: Sequence[_Standing]) ->
         if body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
             com = np.array([body.inertial.com_m])
             misfits["the centre of mass"] = [float(beyond_box(box, com)[0]) for box in boxes]
+        joints = _joints_at(body.name, tree)
         if len(joints):
             far = [float(beyond_box(box, joints).mean()) for box in boxes]
             misfits["where its joints are"] = far

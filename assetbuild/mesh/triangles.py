@@ -32,11 +32,16 @@ class TriangleMesh:
     normals: Array | None = None
 
     @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
+    def is_used(self) -> NDArray[np.bool_]:
+        """(n,) which vertices faces use."""
         is_used = np.zeros(len(self.vertices), dtype=bool)
         is_used[self.faces] = True
-        used = self.vertices[is_used]
+        return is_used
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
+        used = self.vertices[self.is_used]
         return used.min(axis=0), used.max(axis=0)
 
     @property
@@ -315,13 +320,11 @@ def in_order(rows: NDArray[Any]) -> tuple[Indices, NDArray[np.bool_]]:
 
 def weld(mesh: TriangleMesh) -> TriangleMesh:
     """Vertices that are exactly equal become one, unused ones go; faces are all kept."""
-    is_used = np.zeros(len(mesh.vertices), dtype=bool)
-    is_used[mesh.faces] = True
-    used = mesh.vertices[is_used]
+    used = mesh.vertices[mesh.is_used]
     first, number = first_seen(used)
     if len(first) == len(mesh.vertices) and not np.signbit(used[used == 0.0]).any():
         return mesh
-    faces = number[(np.cumsum(is_used) - 1)[mesh.faces]]
+    faces = number[(np.cumsum(mesh.is_used) - 1)[mesh.faces]]
     return replace(mesh, vertices=used[first] + 0.0, faces=faces)
 
 
