@@ -155,9 +155,11 @@ class _Part:
 
     def cut(self, mesh: TriangleMesh, cut: _Cut) -> Iterator[_Part]:
         """The part below the plane, then the part above it."""
-        faces, clipped = _clip(mesh, self.faces, self.clipped, cut)
-        for side, half in enumerate(self.halves(cut)):
-            yield replace(half, faces=faces[side], clipped=clipped[side])
+        below = (mesh.vertices[:, cut.axis] <= cut.place_m)[self.faces].sum(axis=1)
+        crossed = mesh.vertices[self.faces[(below == 1) | (below == 2)]]
+        clipped = _split(np.concatenate([crossed, self.clipped]), cut)
+        for half, corners, count in zip(self.halves(cut), clipped, (3, 0), strict=True):
+            yield replace(half, faces=self.faces[below == count], clipped=corners)
 
     def halves(self, cut: _Cut) -> Iterator[_Part]:
         """Both sides without their triangles, which a search does not look at."""
@@ -234,16 +236,6 @@ def _tried(part: _Part, axis: int, place_m: float) -> _Cut:
         return _Cut(axis, place_m, np.inf)
     halves = zip((part.seen[~is_above], part.seen[is_above]), part.caps(axis, place_m), strict=True)
     return _Cut(axis, place_m, sum(hull_volume(np.concatenate(side)) for side in halves))
-
-
-def _clip(
-    mesh: TriangleMesh, faces: Indices, clipped: Array, cut: _Cut
-) -> tuple[tuple[Indices, Indices], tuple[Array, Array]]:
-    """(whole faces below and above the plane, corners (m, 3, 3) of clipped ones likewise)."""
-    below = (mesh.vertices[:, cut.axis] <= cut.place_m)[faces].sum(axis=1)
-    crossed = mesh.vertices[faces[(below == 1) | (below == 2)]]
-    sides = _split(np.concatenate([crossed, clipped]), cut)
-    return (faces[below == 3], faces[below == 0]), sides
 
 
 def _split(corners: Array, cut: _Cut) -> tuple[Array, Array]:

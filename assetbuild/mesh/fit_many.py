@@ -15,7 +15,7 @@ import numpy as np
 
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import AS_GOOD, enclosing_each, first_best, tidy
-from assetbuild.mesh.primitives import Fitted, Movable, resized, volume_of
+from assetbuild.mesh.primitives import Fitted, refined, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
@@ -159,33 +159,11 @@ def _best_for(
 
 
 def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
-    """The union that covers best, by L-BFGS-B and not far from `fits`.
+    """The union that covers best, not far from `fits`.
 
     Occupancy is a sigmoid of the signed distance / softness, so that the score has a slope.
-    Each point's distance, and so its slope, is that of the nearest primitive.
     """
-    from scipy.optimize import minimize
-
-    ways = [Movable(fitted, cloud.points, cloud.size) for fitted in fits]
-    ends = np.cumsum([0, *(way.count for way in ways)])
-
-    def slope(x: Array) -> tuple[float, Array]:
-        each = np.array(
-            [way.distance(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
-        )
-        nearest = np.argmin(each, axis=0)
-        here, by_distance = cloud.soft_score(each.min(axis=0), softness)
-        slopes = [
-            by_distance[nearest == number] @ way.slope(x[a:b], nearest == number)
-            for number, (way, a, b) in enumerate(zip(ways, ends, ends[1:], strict=False))
-        ]
-        return here, np.concatenate(slopes)
-
-    bounds = [bound for way in ways for bound in way.bounds()]
-    result = minimize(
-        slope, np.zeros(ends[-1]), jac=True, method="L-BFGS-B", bounds=bounds,
-        options={"maxiter": 40},
-    )  # fmt: skip
-    x = np.asarray(result.x, dtype=np.float64)
-    made = [way.body(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
+    made = refined(
+        fits, cloud.points, cloud.size, lambda away: cloud.soft_score(away, softness), 40
+    )
     return made if cloud.score(made) <= cloud.score(fits) else fits
