@@ -27,7 +27,7 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, vec3
 from assetbuild.robot.ranges import first_match
 from assetbuild.robot.sections import Region, ToleranceRegion
-from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
+from assetbuild.robot.shapes import MeshFile, Role, SourceShape, SourceShapes
 
 BUILT_IN = ("keep", "none")
 """Methods that need no step of their own."""
@@ -109,7 +109,11 @@ def _jobs_of(
     recipe: Recipe, folder: Path, link: str, links: Tree, shapes: SourceShapes
 ) -> list[Job]:
     rule = first_match(recipe.collision.links, link) or recipe.collision.default
-    link_shapes = _source_of(rule, link, shapes)
+    roles: tuple[Role, ...] = ("collision", "visual")  # of `auto`, the first that there is
+    if rule.from_ != "auto":
+        roles = (rule.from_,)
+    of_roles = (tuple(s for s in shapes.of(role) if s.link == link) for role in roles)
+    link_shapes = next(filter(None, of_roles), ())
     if rule.method in BUILT_IN or not isinstance(rule, ShapedRule):
         return [Job(link, (shape,)) for shape in link_shapes] if rule.method == "keep" else []
     method = load_plugin(CollisionMethod, rule.method)
@@ -149,16 +153,6 @@ def _own_meshes(
 def file_of(name: str, folder: Path) -> Path:
     """The absolute path of a file that a recipe in `folder` names."""
     return Path(os.path.normpath(folder / name))
-
-
-def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
-    of_link = {
-        role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
-        for role in ("collision", "visual")
-    }
-    if rule.from_ == "auto":
-        return of_link["collision"] or of_link["visual"]
-    return of_link[rule.from_]
 
 
 def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> None:
