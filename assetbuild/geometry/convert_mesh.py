@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.material import MaterialPart, corner_normals
+from assetbuild.mesh.material import MaterialPart
 from assetbuild.mesh.obj import SUFFIX, array_bytes
 from assetbuild.mesh.picture import has_holes, picture_name, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
     TriangleMesh,
     area,
+    corner_normals,
     drop_collapsed,
     merged,
     signed_volume,

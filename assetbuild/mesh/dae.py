@@ -68,9 +68,8 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
     if unit is not None and unit != 1.0:
         scale = (float(unit),) * 3
         placed = [(material, mesh.scaled(scale)) for material, mesh in placed]
-    cameras = len(document.cameras)
-    if cameras:
-        skipped["cameras"] = cameras
+    if document.cameras:
+        skipped["cameras"] = len(document.cameras)
     return SourceMesh(
         group_by_material(placed),
         (*findings, *_said(document, skipped, unit, subject)),

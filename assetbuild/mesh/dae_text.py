@@ -48,9 +48,8 @@ def load(data: bytes, subject: str) -> tuple[Any, list[Finding], dict[str, int]]
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     _refuse_lost_geometry(document, lines, subject)
-    absent = [e for e in document.errors if isinstance(e, DaeBrokenRefError)]
-    absent = [e for e in absent if "Geometry " in str(e)]
-    if absent:
+    broken = (e for e in document.errors if isinstance(e, DaeBrokenRefError))
+    if absent := [e for e in broken if "Geometry " in str(e)]:
         skipped["instances of geometry that the file lacks"] = len(absent)
         document.errors = [e for e in document.errors if e not in absent]
     return document, [*findings, *_repeated(root, subject)], skipped

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged
-from assetbuild.robot.pose import Array
+from assetbuild.mesh.triangles import TriangleMesh, merged
 
 Rgba = tuple[float, float, float, float]
 
@@ -67,27 +64,6 @@ def group_by_material(
         look = material if material.rgba or material.texture else SurfaceMaterial()
         groups.setdefault(look, []).append(mesh)
         names.setdefault(look, material)
-    return tuple(MaterialPart(names[look], _joined(meshes)) for look, meshes in groups.items())
-
-
-def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
-    """One mesh of several; uv and normals survive when any has them."""
-    if len(meshes) == 1:
-        return meshes[0]
-    joined = merged(meshes)
-    uv: Array | None = None
-    normals: Array | None = None
-    if any(mesh.uv is not None for mesh in meshes):
-        uv = np.concatenate(
-            [m.uv if m.uv is not None else np.zeros((len(m.faces), 3, 2)) for m in meshes]
-        )
-    if any(mesh.normals is not None for mesh in meshes):
-        normals = np.concatenate(
-            [m.normals if m.normals is not None else corner_normals(m) for m in meshes]
-        )
-    return TriangleMesh(joined.vertices, joined.faces, uv, normals)
-
-
-def corner_normals(mesh: TriangleMesh) -> Array:
-    """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
-    return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
+    return tuple(
+        MaterialPart(names[look], merged(meshes, surface=True)) for look, meshes in groups.items()
+    )
