@@ -93,31 +93,26 @@ def read_mesh(
         message = "colours of single vertices or faces are left out: no target has a place for them"
         colours = VERTEX_COLOURS(subject, message, "give the mesh a material, or a texture")
         mesh = replace(mesh, findings=(*mesh.findings, colours))
-    if mesh.up_axis is not None and mesh.up_axis in TO_Z_UP:
-        parts, finding = _turned(mesh.parts, mesh.up_axis, up_axis, subject)
-        mesh = replace(mesh, parts=parts, findings=(*mesh.findings, finding))
-    else:
-        mesh = replace(mesh, up_axis=None)
+    mesh = _upright(mesh, up_axis, subject)
     _refuse_unusable(mesh.parts, subject)
     return mesh
 
 
-def _turned(
-    parts: tuple[MaterialPart, ...], stated: str, up_axis: UpAxis, subject: str
-) -> tuple[tuple[MaterialPart, ...], Finding]:
-    finding = UP_AXIS(
-        subject,
-        f"the file declares {stated}: "
-        + ("ignored, coordinates are used as they are" if up_axis == "ignore" else "turned to Z"),
-        hint="if it lies on its side, name it in `source.honour_up_axis`"
-        if up_axis == "ignore"
-        else "",
-        data={"stated": stated, "honoured": up_axis == "honour"},
-    )
-    if up_axis == "ignore":
-        return parts, finding
+def _upright(mesh: SourceMesh, up_axis: UpAxis, subject: str) -> SourceMesh:
+    """The mesh with Z up where that is honoured, and what is said of another axis."""
+    stated, honoured = mesh.up_axis or "", up_axis == "honour"
+    if stated not in TO_Z_UP:
+        return replace(mesh, up_axis=None)
+    what = "turned to Z" if honoured else "ignored, coordinates are used as they are"
+    hint = "" if honoured else "if it lies on its side, name it in `source.honour_up_axis`"
+    message = f"the file declares {stated}: {what}"
+    finding = UP_AXIS(subject, message, hint, data={"stated": stated, "honoured": honoured})
+    mesh = replace(mesh, findings=(*mesh.findings, finding))
+    if not honoured:
+        return mesh
     turn = np.array(TO_Z_UP[stated], dtype=np.float64)
-    return tuple(MaterialPart(p.material, p.mesh.mapped(turn)) for p in parts), finding
+    parts = tuple(replace(part, mesh=part.mesh.mapped(turn)) for part in mesh.parts)
+    return replace(mesh, parts=parts)
 
 
 def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
