@@ -116,8 +116,9 @@ def parse_obj(data: bytes, subject: str) -> Obj:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     number, so_far = 1, dict.fromkeys(WIDTHS, 0)
     for match in BLOCK.finditer(data + b"\n"):
-        key, rest = (*match[0].split(None, 1), b"", b"")[:2]
-        lines = _Lines(number, match[0].count(b"\n"), match[0], tuple(so_far.values()))
+        text = match[0]
+        key, rest = (match[1], b"") if match[1] else (*text.split(None, 1), b"", b"")[:2]
+        lines = _Lines(number, text.count(b"\n"), text, tuple(so_far.values()))
         number += lines.rows
         if key == b"f":
             faces.setdefault(material, []).append(lines)
@@ -203,8 +204,10 @@ def _surface(
         raise StepError(
             f"{subject}: line {line}: index {corners[at, 0]} of `v`, there are {len(tables[0])}"
         )
-    points = tables[0][corners[:, 0] - 1]
-    cut = with_short_diagonals(polygon_triangles(counts, points), counts, points)
+    cut = np.arange(len(corners)).reshape(-1, 3) if (counts == 3).all() else None
+    if cut is None:
+        points = tables[0][corners[:, 0] - 1]
+        cut = with_short_diagonals(polygon_triangles(counts, points), counts, points)
     picked: list[Array | None] = []
     lost = []
     for kind, table, column in zip(("vt", "vn"), tables[1:], corners.T[1:], strict=True):

@@ -202,8 +202,6 @@ def polygon_triangles(counts: Indices, corners: Array) -> Indices:
     counts: corners of each polygon; corners: (n, 3) m, their positions, polygon by polygon.
     """
     fans = fan_triangles(counts)
-    if len(counts) == len(fans) and (counts == 3).all():
-        return fans
     owner = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
     with np.errstate(all="ignore"):  # whoever reads the file refuses what is not finite
         across = spanned(corners[fans])
