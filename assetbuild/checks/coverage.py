@@ -17,7 +17,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, hulls_by_body
-from assetbuild.mesh.solid import Distance, beyond_hull, distance_to
+from assetbuild.mesh.solid import Distance, beyond_hull
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.plugin_types import Check, write_figures
 from assetbuild.recipe_types import Positive
@@ -77,7 +77,8 @@ class Coverage(Check):
         tree, hulls = robot.tree, hulls_by_body(robot)
         names = [body.name for body in tree.bodies]
         both = [n for n in names if (n, "visual") in hulls and (n, "collision") in hulls]
-        outside = functools.cache(lambda name: _outside(hulls[name, "visual"]))
+        # The distance from the hull of all that is seen of a body.
+        outside = functools.cache(lambda name: beyond_hull(common_hull(hulls[name, "visual"])))
         fits = {name: _fit(tree, hulls, name, outside) for name in both}
         rows = [
             {"body": name, "sticks_out_mm": 1e3 * fit.over_m,
@@ -141,12 +142,6 @@ def _beyond_robot(tree: Tree, hulls: Hulls, body: str, outside: Callable[[str], 
             apart = np.minimum(apart, outside(name)(X_body_other.inverse().apply(left)))
             left, apart = left[apart > 0.0], apart[apart > 0.0]
     return float(apart.max(initial=0.0))
-
-
-def _outside(hulls: Sequence[TriangleMesh]) -> Distance:
-    """Distance from the hull of all that is seen of a body."""
-    hull = common_hull(hulls)
-    return beyond_hull(hull) if len(hull.faces) else distance_to(hull.vertices, IDENTITY)
 
 
 def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -157,7 +158,7 @@ class CollisionMethod(Step):
         made = self._reused(reference, files.inputs / "like")
         if made is None:
             fitted = self.fit(reference)
-            pieces = [piece for piece in map(self.verified, fitted.pieces) if piece is not None]
+            pieces = self.verified(fitted.pieces)
             flat = len(fitted.pieces) - len(pieces)
             yield from fitted.findings
             if not pieces:
@@ -217,14 +218,16 @@ class CollisionMethod(Step):
             raise StepError(f"{self.subject}: not all vertices are finite numbers")
         return mesh.placed(source.pose)
 
-    def verified(self, piece: ConvexPiece) -> ConvexPiece | None:
-        """A hull piece hulled again by qhull and capped; None when it is flat."""
-        if not isinstance(piece.solid, TriangleMesh):
-            return piece
-        try:
-            return self.within_caps(convex_hull(piece.solid.vertices))
-        except StepError:
-            return None
+    def verified(self, pieces: Iterable[ConvexPiece]) -> list[ConvexPiece]:
+        """The pieces, hulls among them hulled again by qhull and capped; flat ones are left out."""
+        made = []
+        for piece in pieces:
+            hull = piece.solid
+            with suppress(StepError):
+                if isinstance(hull, TriangleMesh):
+                    piece = self.within_caps(convex_hull(hull.vertices))
+                made.append(piece)
+        return made
 
     def within_caps(self, hull: TriangleMesh) -> ConvexPiece:
         """A piece of no more vertices and polygons than the fields allow. Raises StepError."""
@@ -287,31 +290,15 @@ class LibraryMethod(CollisionMethod):
         """Limits of one run."""
         return NativeLimits(self.cpu_limit, self.memory_limit_mb)
 
-    def by_vhacd(
-        self,
-        mesh: TriangleMesh,
-        options: VHacdOptions,
-        max_hulls: int,
-        max_vertices: int,
-        instead: str,
-    ) -> tuple[list[TriangleMesh], tuple[Finding, ...]]:
-        """V-HACD's parts; where it fails none, and a finding with what is used `instead`."""
-        limits = self.native_limits
-        try:
-            parts = vhacd_parts(
-                mesh, options, max_hulls=max_hulls, max_vertices=max_vertices, limits=limits
-            )
-        except NativeError as failure:
-            return [], (self.fell("V-HACD", failure, instead),)
-        return parts, ()
-
     def vhacd_or_hull(
         self, reference: Reference, options: VHacdOptions, max_hulls: int, max_vertices: int
     ) -> Fitted:
-        """V-HACD's parts; the last rung is one hull."""
-        made, failed = self.by_vhacd(reference.mesh, options, max_hulls, max_vertices, "hull")
-        if failed:
-            return Fitted((ConvexPiece(reference.hull),), failed, "hull")
+        """V-HACD's parts; where it fails, one hull and a finding."""
+        try:
+            made = vhacd_parts(reference.mesh, options, max_hulls, max_vertices, self.native_limits)
+        except NativeError as failure:
+            failed = self.fell("V-HACD", failure, "hull")
+            return Fitted((ConvexPiece(reference.hull),), (failed,), "hull")
         return Fitted(tuple(map(ConvexPiece, made)), (), "V-HACD")
 
     def fell(self, library: str, failure: NativeError, instead: str) -> Finding:

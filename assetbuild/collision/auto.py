@@ -37,7 +37,7 @@ from assetbuild.mesh.rays import widest_hole
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.mesh.verdict import blocked_by
-from assetbuild.mesh.vhacd import VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.robot.pose import Array
 
 CONVEX = 0.98
@@ -151,11 +151,13 @@ class Auto(LibraryMethod):
         by_few = best.badness == 0.0 and len(best.pieces) <= FEW
         dear = cuts is not None and FAR < best.badness < BLOCKED and not self._may_help(reference)
         findings: list[Finding] = []
-        for rung in () if by_few or dear else (self._by_coacd, self._by_vhacd):
-            candidate, failures = rung(reference, view)
-            findings += failures
-            if candidate is not None and _rank(candidate) < _rank(best):
-                best = candidate
+        rungs = (("CoACD", self._by_coacd, "vhacd"), ("V-HACD", self._by_vhacd, "hull"))
+        for library, rung, instead in () if by_few or dear else rungs:
+            try:
+                best = min(best, rung(reference, view) or best, key=_rank)
+            except NativeError as failure:
+                if failure.cause != "stopped":
+                    findings.append(self.fell(library, failure, instead))
             if best.badness == 0.0:
                 break
         return Fitted(best.pieces, tuple(findings), best.how, best.quality)
@@ -196,48 +198,36 @@ class Auto(LibraryMethod):
         tipped = hulls_of([tips(part.vertices) for part in view.back(parts)])
         return self._smallest(reference, tipped, "cuts")
 
-    def _by_coacd(
-        self, reference: Reference, view: _View
-    ) -> tuple[_Candidate | None, tuple[Finding, ...]]:
+    def _by_coacd(self, reference: Reference, view: _View) -> _Candidate | None:
         """Only for meshes that CoACD need not remesh, which inflates them and takes minutes."""
         too_large = len(reference.mesh.faces) > COACD_FACES
         if reference.exact is None or too_large or reference.convexity < THIN:
-            return None, ()
+            return None
         wanted = min(self.max_outside or np.inf, TIGHT * reference.diagonal)
         # Neither joined nor thinned out by CoACD: that takes as long again, and is done below.
         options = self.coacd or CoAcdOptions.model_validate(
             {"threshold_m": wanted, "merge": False, "decimate": False}
         )
-        try:
-            parts = coacd_parts(
-                view.reference.mesh,
-                options,
-                max_hulls=None,
-                max_vertices=256,
-                limits=self.native_limits,
-                patience=Patience(COACD_LOOKS),
-            )
-        except NativeError as failure:
-            if failure.cause == "stopped":
-                return None, ()
-            return None, (self.fell("CoACD", failure, "vhacd"),)
-        return self._smallest(
-            reference, hulls_of([p.vertices for p in view.back(parts)]), "CoACD"
-        ), ()
+        parts = coacd_parts(
+            view.reference.mesh,
+            options,
+            max_hulls=None,
+            max_vertices=256,
+            limits=self.native_limits,
+            patience=Patience(COACD_LOOKS),
+        )
+        hulls = hulls_of([part.vertices for part in view.back(parts)])
+        return self._smallest(reference, hulls, "CoACD")
 
-    def _by_vhacd(
-        self, reference: Reference, view: _View
-    ) -> tuple[_Candidate | None, tuple[Finding, ...]]:
+    def _by_vhacd(self, reference: Reference, view: _View) -> _Candidate | None:
         most = max(FINE, min(2 * self.max_hulls, 1024))
         mesh = view.reference.mesh
-        parts, failed = self.by_vhacd(mesh, self.vhacd, most, self.max_vertices, "hull")
-        if failed:
-            return None, failed
+        parts = vhacd_parts(mesh, self.vhacd, most, self.max_vertices, self.native_limits)
         lower, upper = mesh.bounds
         voxel = float(np.prod(upper - lower) / self.vhacd.resolution) ** (1.0 / 3.0)
         some = reference.mesh.vertices[:: len(reference.mesh.vertices) // CORNERS + 1]
         surface = np.concatenate([some, reference.samples])
-        return self._smallest(reference, grown_to(view.back(parts), surface, voxel), "V-HACD"), ()
+        return self._smallest(reference, grown_to(view.back(parts), surface, voxel), "V-HACD")
 
     def _smallest(
         self, reference: Reference, parts: Sequence[TriangleMesh], how: str
@@ -253,16 +243,14 @@ class Auto(LibraryMethod):
         family = {len(points): points for points in merge_steps(parts)}
         most = min(self.max_hulls, max(family))
 
-        known: dict[int, ConvexPiece | None] = {}  # members share most of their parts
-
-        def piece(points: Array) -> ConvexPiece | None:
-            if id(points) not in known:
-                bare = TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
-                known[id(points)] = self.verified(ConvexPiece(bare))
-            return known[id(points)]
+        known: dict[int, list[ConvexPiece]] = {}  # members share most of their parts
 
         def member(count: int, worst: float = np.inf, *, coarse: bool = False) -> _Candidate:
-            pieces = [piece(points) for points in family[count]]
+            for points in family[count]:
+                if id(points) not in known:
+                    bare = TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
+                    known[id(points)] = self.verified([ConvexPiece(bare)])
+            pieces = [piece for points in family[count] for piece in known[id(points)]]
             return self._judged(reference, pieces, how, worst, coarse=coarse)
 
         best = member(most)
@@ -288,7 +276,7 @@ class Auto(LibraryMethod):
     def _judged(
         self,
         reference: Reference,
-        pieces: Sequence[ConvexPiece | None],
+        pieces: Sequence[ConvexPiece],
         how: str,
         worst: float = np.inf,
         *,
@@ -296,17 +284,16 @@ class Auto(LibraryMethod):
     ) -> _Candidate:
         """How well pieces meet the tolerances. Of those worse than `worst`, the badness may be
         too low: they are not measured further."""
-        capped = tuple(piece for piece in pieces if piece is not None)
-        if not capped:
+        if not pieces:
             return _Candidate((), _NOTHING, np.inf, how)
         most_over = (1.0 + SURELY + worst) * (self.max_overcover or np.inf)
-        quality = rough(reference, capped, coarse=coarse, most_over=most_over)
+        quality = rough(reference, pieces, coarse=coarse, most_over=most_over)
         badness = sum(
             max(0.0, value / most - 1.0) if most else float(value > 0.0)
             for value, most in self.excesses(quality).values()
         )
-        badness += BLOCKED * sum(blocked_by(p, c) for c in self.closed_places for p in capped)
-        return _Candidate(capped, quality, badness, how)
+        badness += BLOCKED * sum(blocked_by(p, c) for c in self.closed_places for p in pieces)
+        return _Candidate(tuple(pieces), quality, badness, how)
 
 
 def _restored(capped: ConvexPiece, whole: TriangleMesh) -> ConvexPiece:

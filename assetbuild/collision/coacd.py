@@ -61,17 +61,11 @@ class CoAcd(LibraryMethod):
             next_best = self.vhacd_or_hull(reference, VHacdOptions(), most, self.max_vertices)
             failed = self.fell("CoACD", failure, "vhacd")
             return replace(next_best, findings=(failed, *next_best.findings))
-        return Fitted(tuple(map(ConvexPiece, parts)), self._too_many(len(parts)), "CoACD")
-
-    def _too_many(self, made: int) -> tuple[Finding, ...]:
-        if self.max_hulls is None or made <= self.max_hulls:
-            return ()
-        return (
-            MORE_HULLS(
-                self.subject,
-                f"{made} pieces, {self.max_hulls} were asked for: parts that do not "
-                "touch are not joined",
-                hint="raise `max_hulls`, or use `vhacd`, which keeps to it",
-                data={"pieces": made, "max_hulls": self.max_hulls},
-            ),
-        )
+        findings: list[Finding] = []
+        if self.max_hulls is not None and len(parts) > self.max_hulls:
+            message = f"{len(parts)} pieces, {self.max_hulls} were asked for: parts that do not "
+            message += "touch are not joined"
+            hint = "raise `max_hulls`, or use `vhacd`, which keeps to it"
+            data = {"pieces": len(parts), "max_hulls": self.max_hulls}
+            findings = [MORE_HULLS(self.subject, message, hint, data=data)]
+        return Fitted(tuple(map(ConvexPiece, parts)), tuple(findings), "CoACD")

@@ -16,8 +16,9 @@ from assetbuild.mesh.fit import KINDS, best_primitive
 from assetbuild.mesh.fit_many import fit_parts
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
+from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.vhacd import VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Primitive
 
@@ -73,8 +74,12 @@ class FitPrimitive(LibraryMethod):
         self, reference: Reference
     ) -> tuple[list[tuple[Primitive, Pose]], tuple[Finding, ...]]:
         most = max(PARTS, self.max_hulls)
-        parts, failed = self.by_vhacd(reference.mesh, self.vhacd, most, 64, "one primitive")
-        parts = [reference.hull] if failed else grown_to(parts, reference.samples, 0.0)
+        failed: tuple[Finding, ...] = ()
+        try:
+            made = vhacd_parts(reference.mesh, self.vhacd, most, 64, self.native_limits)
+            parts = grown_to(made, reference.samples, 0.0)
+        except NativeError as failure:
+            parts, failed = [reference.hull], (self.fell("V-HACD", failure, "one primitive"),)
         family = {len(points): points for points in merge_steps(parts)}
         best, best_score = fit_parts(reference, [reference.hull], self._kinds, self.bones)
         for count in range(2, min(self.max_hulls, max(family)) + 1):

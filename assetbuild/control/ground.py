@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import half_height
@@ -90,7 +88,7 @@ class Ground:
         if name not in self._vertices:
             path = self._mesh_dir / self._files[name]
             mesh = read_triangles(path.read_bytes(), f"mesh {name}")
-            self._vertices[name] = mesh.vertices[np.unique(mesh.faces)]
+            self._vertices[name] = mesh.vertices[mesh.is_used]
         return self._vertices[name]
 
 

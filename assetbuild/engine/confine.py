@@ -13,8 +13,9 @@ import os
 import resource
 import stat
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NoReturn
 
 LISTING = ("os.listdir", "os.scandir")
@@ -46,6 +47,24 @@ def do_one_job(do: Callable[[Any], object], memory_bytes: int) -> NoReturn:  # A
     while data:
         data = data[os.write(answer, data) :]
     os._exit(0)
+
+
+def set_limits(memory_mb: int, others: Mapping[int, tuple[int, int]]) -> None:
+    """Bound this process, without core files. Memory is counted on top of what is mapped.
+
+    others: kind of a limit -> (soft, hard).
+    """
+    mapped = 0
+    with suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        mapped = pages * resource.getpagesize()
+    memory = mapped + memory_mb * 1024 * 1024
+    wanted = {resource.RLIMIT_AS: (memory, memory), resource.RLIMIT_CORE: (0, 0), **others}
+    for kind, bounds in wanted.items():
+        with suppress(
+            ValueError, OSError
+        ):  # a lower hard limit of the user's, or the step's, stays
+            resource.setrlimit(kind, bounds)
 
 
 # Newer system calls have the same number on every architecture.

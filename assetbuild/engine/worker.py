@@ -279,6 +279,7 @@ def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
 
 
 def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
+    from assetbuild.engine.confine import set_limits
     from assetbuild.engine.step import Files, Limits
     from assetbuild.engine.wire import error_of_exception, error_to_json, perform, step_from_json
 
@@ -287,7 +288,11 @@ def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
     os.environ.update(job["environ"])
     tempfile.tempdir = None  # an import may have looked it up before TMPDIR was ours
     limits = Limits(**job["limits"])
-    _set_limits(limits)
+    file_bytes, cpu_s = limits.file_mb << 20, math.ceil(limits.wall_s * max(1, limits.cpus)) + 5
+    set_limits(
+        limits.memory_mb,
+        {resource.RLIMIT_FSIZE: (file_bytes, file_bytes), resource.RLIMIT_CPU: (cpu_s, cpu_s)},
+    )
     _seed()
     label = job["label"]
     try:
@@ -304,25 +309,6 @@ def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
     sys.stderr.write(trace)
     sys.stderr.flush()
     Path(job["result"]).write_text(json.dumps(result), encoding="utf-8")
-
-
-def _set_limits(limits: Any) -> None:  # Any: Limits, imported late
-    """Bounds of this process. Memory is counted on top of what the imports have mapped."""
-    mapped = 0
-    with suppress(OSError):
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        mapped = pages * resource.getpagesize()
-    memory = mapped + limits.memory_mb * 1024 * 1024
-    cpu_s = math.ceil(limits.wall_s * max(1, limits.cpus)) + 5
-    wanted = {
-        resource.RLIMIT_AS: memory,
-        resource.RLIMIT_FSIZE: limits.file_mb * 1024 * 1024,
-        resource.RLIMIT_CPU: cpu_s,
-        resource.RLIMIT_CORE: 0,
-    }
-    for kind, value in wanted.items():
-        with suppress(ValueError, OSError):  # a lower hard limit of the user's stays
-            resource.setrlimit(kind, (value, value))
 
 
 def _seed() -> None:

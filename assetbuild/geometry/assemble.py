@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import obj_of
 from assetbuild.mesh.picture import mean_colour, picture_name
@@ -133,10 +134,9 @@ def _without_collision(source: SourceShapes, uses: tuple[Use, ...]) -> Iterator[
     covered = {use.link for use in uses if use.role == "collision"}
     bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
     if bare:
-        shown = ", ".join(f"`{link}`" for link in bare[:6]) + (", ..." if len(bare) > 6 else "")
         yield NO_COLLISION(
             "recipe collision",
-            f"links with geometry but without collision geometry, {len(bare)}: {shown}",
+            f"links with geometry but without collision geometry, {len(bare)}: {quoted(bare, 6)}",
             hint="their rule says `none`, or the geometry that it asks for is not in the source",
             data={"links": len(bare)},
         )
@@ -242,12 +242,22 @@ class _Palette:
         material = self._source.get(shape.material) if shape.material is not None else None
         if material is None or use.role != "visual":
             return None
-        shown = replace(material, texture=self._texture(material, uv))
-        png = self._pictures.get(material.texture or "")
-        if not use.named and not uv and png is not None and png.is_file():
-            pairs = zip(material.rgba, mean_colour(png.read_bytes()), strict=False)
-            r, g, b = (stated * average for stated, average in pairs)
-            shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
+        stated = material.texture
+        png = self._pictures.get(stated or "")
+        shown = replace(material, texture=None)
+        if stated is not None and png is None:
+            self._tell(TEXTURE_MISSING, material, "is not in the source", "add the file")
+        elif stated is not None and png is not None and png.is_file():  # else its step says why
+            data = png.read_bytes()
+            if uv:
+                name = self._library.add_picture(png, picture_name(stated, data))
+                return self._take(replace(material, texture=name))
+            what = "lies on shapes without texture coordinates: they get one colour"
+            self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
+            if not use.named:
+                pairs = zip(material.rgba, mean_colour(data), strict=False)
+                r, g, b = (own * average for own, average in pairs)
+                shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
         return self._take(shown)
 
     def of_mesh(self, use: Use, shape: SourceShape, part: MeshPart, folder: Path) -> str | None:
@@ -259,11 +269,11 @@ class _Palette:
 
     def _of_part(self, part: MeshPart, folder: Path) -> str | None:
         """The material inside the mesh file, when it has a colour or a texture in `folder`."""
-        if part.texture is None:
-            if part.rgba is None:
-                return None
-            return self._take(Material(part.material or "material", part.rgba))
-        texture = self._library.add_picture(folder / part.texture, part.texture)
+        texture = part.texture
+        if texture is not None:
+            self._library.add_picture(folder / texture, texture)
+        elif part.rgba is None:
+            return None
         return self._take(Material(part.material or "material", part.rgba or WHITE, texture))
 
     @property
@@ -272,25 +282,9 @@ class _Palette:
         names = list(dict.fromkeys(self._own))
         if not names:
             return tuple(self._told.values())
-        shown = ", ".join(f"`{name}`" for name in names[:4]) + (", ..." if len(names) > 4 else "")
         message = f"the meshes of {len(names)} shapes bring materials of their own, which count "
-        message += f"instead of the URDF's: {shown}"
+        message += f"instead of the URDF's: {quoted(names, 4)}"
         return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(names)}))
-
-    def _texture(self, material: Material, uv: bool) -> str | None:
-        if material.texture is None:
-            return None
-        png = self._pictures.get(material.texture)
-        if png is None:
-            self._tell(TEXTURE_MISSING, material, "is not in the source", "add the file")
-            return None
-        if not png.is_file():
-            return None  # `convert_texture` says why
-        if not uv:
-            what = "lies on shapes without texture coordinates: they get one colour"
-            self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
-            return None
-        return self._library.add_picture(png, picture_name(material.texture, png.read_bytes()))
 
     def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:
         key = (rule.id, material.name)

@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
+from assetbuild.mesh.material import MaterialPart
 from assetbuild.mesh.obj import SUFFIX, array_bytes
 from assetbuild.mesh.picture import has_holes, picture_name, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
     TriangleMesh,
     area,
+    corner_normals,
     drop_collapsed,
     merged,
     signed_volume,
@@ -28,6 +30,8 @@ from assetbuild.mesh.triangles import (
 from assetbuild.plugin_types import ConvertedMesh, MeshPart
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3, vec3
+
+T = TypeVar("T", np.float64, np.int64)
 
 NO_AREA = 1e-14
 """m2: MuJoCo refuses a mesh whose surface is smaller."""
@@ -108,9 +112,7 @@ class ConvertMesh(Step):
         painted = _Painted({**companions, **source.pictures}, files.outputs / "parts")
         textured = [painted.part(part) for part in source.parts]
         parts = [MaterialPart(p.material, self._prepared(p)) for p in textured]
-        yield from _collapsed(source.parts, parts)
-        yield from _without_coordinates(source.parts, parts)
-        yield from _invisible(parts)
+        yield from _left_out(source.parts, parts)
         parts = [
             replace(p, mesh=with_four_corners(p.mesh)) for p in parts if area(p.mesh) > NO_AREA
         ]
@@ -137,42 +139,32 @@ class ConvertMesh(Step):
         return mesh
 
 
-def _collapsed(before: Sequence[MaterialPart], after: Sequence[MaterialPart]) -> Iterator[Finding]:
-    faces = sum(len(part.mesh.faces) for part in before)
-    dropped = faces - sum(len(part.mesh.faces) for part in after)
-    if dropped:
+def _left_out(before: Sequence[MaterialPart], after: Sequence[MaterialPart]) -> Iterator[Finding]:
+    """What of the file's parts was left out when they were prepared, or will be."""
+    faces, kept = (sum(len(part.mesh.faces) for part in parts) for parts in (before, after))
+    if kept < faces:
         yield COLLAPSED_FACES(
             "mesh",
-            f"{dropped} of {faces} triangles use one point twice and are left out",
-            data={"dropped": dropped, "faces": faces},
+            f"{faces - kept} of {faces} triangles use one point twice and are left out",
+            data={"dropped": faces - kept, "faces": faces},
         )
-
-
-def _invisible(parts: Sequence[MaterialPart]) -> Iterator[Finding]:
-    thin = [p for p in parts if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
-    if thin:
-        faces = sum(len(part.mesh.faces) for part in thin)
-        yield LINES_ONLY(
-            "mesh",
-            f"{len(thin)} of {len(parts)} parts are lines without any area "
-            f"({faces} triangles): too small to see, left out",
-            hint="delete them in the source",
-            data={"parts": len(thin), "faces": faces},
-        )
-
-
-def _without_coordinates(
-    before: Sequence[MaterialPart], after: Sequence[MaterialPart]
-) -> Iterator[Finding]:
-    dropped = sum(
-        old.mesh.uv is not None and new.mesh.uv is None
-        for old, new in zip(before, after, strict=True)
-    )
+    pairs = zip(before, after, strict=True)
+    dropped = sum(old.mesh.uv is not None and new.mesh.uv is None for old, new in pairs)
     if dropped:
         yield UNUSED_UV(
             "mesh",
             f"texture coordinates without a texture are left out (parts: {dropped})",
             data={"parts": dropped},
+        )
+    thin = [p for p in after if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
+    if thin:
+        faces = sum(len(part.mesh.faces) for part in thin)
+        yield LINES_ONLY(
+            "mesh",
+            f"{len(thin)} of {len(after)} parts are lines without any area "
+            f"({faces} triangles): too small to see, left out",
+            hint="delete them in the source",
+            data={"parts": len(thin), "faces": faces},
         )
 
 
@@ -252,8 +244,20 @@ def write_converted(
     whole = weld(merged([part.mesh for part in parts]))
     closed = whole.is_closed  # when all parts together are
     lower, upper = whole.bounds
+    described = (
+        MeshPart(
+            file=f"{number}{SUFFIX}",
+            vertices=len(part.mesh.vertices),
+            faces=len(part.mesh.faces),
+            material=part.material.name,
+            rgba=part.material.rgba,
+            texture=part.material.texture,
+            uv=part.mesh.uv is not None,
+        )
+        for number, part in enumerate(parts)
+    )
     record = ConvertedMesh(
-        parts=tuple(_described(f"{n}{SUFFIX}", part) for n, part in enumerate(parts)),
+        parts=tuple(described),
         faces=len(whole.faces),
         area_m2=area(whole),
         lower=vec3(lower),
@@ -264,19 +268,6 @@ def write_converted(
         turned=turned,
     )
     (folder / "mesh.json").write_bytes(encode(record))
-
-
-def _described(file: str, part: MaterialPart) -> MeshPart:
-    material: SurfaceMaterial = part.material
-    return MeshPart(
-        file=file,
-        vertices=len(part.mesh.vertices),
-        faces=len(part.mesh.faces),
-        material=material.name,
-        rgba=material.rgba,
-        texture=material.texture,
-        uv=part.mesh.uv is not None,
-    )
 
 
 def _tidy_normals(mesh: TriangleMesh, stated: Array) -> Array:
@@ -297,12 +288,9 @@ def with_four_corners(mesh: TriangleMesh) -> TriangleMesh:
     """
     if len(mesh.vertices) != 3 or not len(mesh.faces):
         return mesh
-    ends = np.roll(mesh.faces, -1, axis=1)
-    middle = np.full(len(mesh.faces), 3)
-    thirds = [np.stack([mesh.faces[:, i], ends[:, i], middle], axis=1) for i in range(3)]
     return TriangleMesh(
         np.vstack([mesh.vertices, mesh.vertices.mean(axis=0)]),
-        np.concatenate(thirds),
+        _thirds(mesh.faces, np.full(len(mesh.faces), 3)),
         None if mesh.uv is None else _thirds(mesh.uv, mesh.uv.mean(axis=1)),
         None
         if mesh.normals is None
@@ -310,8 +298,8 @@ def with_four_corners(mesh: TriangleMesh) -> TriangleMesh:
     )
 
 
-def _thirds(corners: Array, middle: Array) -> Array:
-    """(3 m, 3, k): from each edge of (m, 3, k) corners to the (m, k) middle."""
+def _thirds(corners: NDArray[T], middle: NDArray[T]) -> NDArray[T]:
+    """(3 m, 3, ...): from each edge of (m, 3, ...) corners to the (m, ...) middle."""
     ends = np.roll(corners, -1, axis=1)
     thirds = [np.stack([corners[:, i], ends[:, i], middle], axis=1) for i in range(3)]
     return np.concatenate(thirds)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +16,7 @@ from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import read_part
-from assetbuild.mesh.quality import Distance, surface_distance
+from assetbuild.mesh.quality import surface_distance
 from assetbuild.mesh.simplify import simplified
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
 from assetbuild.plugin_types import ConvertedMesh
@@ -54,21 +53,19 @@ TEXTURED = Rule(
 )
 
 
-@dataclass(frozen=True, eq=False)
 class _Attempt:
-    meshes: tuple[TriangleMesh, ...]
-    area: float
-    distance: Distance
-    box: float
-    diagonal: float
+    """Meshes with fewer triangles; area: after / before; distance: between both surfaces."""
 
-    @property
-    def good(self) -> bool:
-        return (
+    def __init__(self, meshes: Sequence[TriangleMesh], before: Sequence[TriangleMesh]) -> None:
+        new, old = merged(meshes), merged(before)
+        self.meshes = meshes
+        self.area = area(new) / area(old)
+        self.distance = surface_distance(new, old)
+        self.is_good = (
             AREA[0] < self.area < AREA[1]
-            and self.distance.p99_m <= P99 * self.diagonal
-            and self.distance.max_m <= FARTHEST * self.diagonal
-            and self.box <= BOX * self.diagonal
+            and self.distance.p99_m <= P99 * old.diagonal
+            and self.distance.max_m <= FARTHEST * old.diagonal
+            and np.abs(np.subtract(new.bounds, old.bounds)).max() <= BOX * old.diagonal
         )
 
 
@@ -118,19 +115,17 @@ class DecimateMesh(Step):
 
     def _search(self, meshes: Sequence[TriangleMesh]) -> _Attempt | None:
         """The first goal, doubling, that keeps the shape; None when only the original does."""
-        free = [mesh.uv is None for mesh in meshes]
-        fixed = sum(len(m.faces) for m, f in zip(meshes, free, strict=True) if not f)
+        fixed = sum(len(mesh.faces) for mesh in meshes if mesh.uv is not None)
         total = sum(len(mesh.faces) for mesh in meshes) - fixed
         budget = max(self.max_faces - fixed, 4)
-        reached = total
         while budget < total:
             share = budget / total
-            made = tuple(
-                _simplified(mesh, max(4, int(len(mesh.faces) * share))) if f else mesh
-                for mesh, f in zip(meshes, free, strict=True)
-            )
-            reached = sum(len(m.faces) for m, f in zip(made, free, strict=True) if f)
-            if 0 < reached < total and (attempt := _judged(made, meshes)).good:
+            made = [
+                _simplified(mesh, max(4, int(len(mesh.faces) * share))) if mesh.uv is None else mesh
+                for mesh in meshes
+            ]
+            reached = sum(len(mesh.faces) for mesh in made) - fixed
+            if 0 < reached < total and (attempt := _Attempt(made, meshes)).is_good:
                 return attempt
             budget = max(2 * budget, reached)
         return None
@@ -188,13 +183,6 @@ def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh:
     if not len(made.faces):
         raise StepError("fast-simplification returned no usable mesh")
     return made
-
-
-def _judged(made: Sequence[TriangleMesh], meshes: Sequence[TriangleMesh]) -> _Attempt:
-    new, old = merged(made), merged(meshes)
-    share = area(new) / area(old)
-    moved = float(np.abs(np.subtract(new.bounds, old.bounds)).max())
-    return _Attempt(tuple(made), share, surface_distance(new, old), moved, old.diagonal)
 
 
 def _pass_on(files: Files) -> None:

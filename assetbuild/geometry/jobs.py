@@ -27,7 +27,7 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, vec3
 from assetbuild.robot.ranges import first_match
 from assetbuild.robot.sections import Region, ToleranceRegion
-from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
+from assetbuild.robot.shapes import MeshFile, Role, SourceShape, SourceShapes
 
 BUILT_IN = ("keep", "none")
 """Methods that need no step of their own."""
@@ -101,20 +101,22 @@ def collision_jobs(
     recipe: Recipe, folder: Path, links: Tree, shapes: SourceShapes
 ) -> tuple[Job, ...]:
     """All collision uses of the robot, in the order of its links. folder: of the recipe."""
-    jobs: list[Job] = []
-    for body in links.bodies:
-        jobs += _jobs_of(recipe, folder, body.name, links, shapes)
-    return tuple(jobs)
+    by_link = (_jobs_of(recipe, folder, body.name, links, shapes) for body in links.bodies)
+    return tuple(job for jobs in by_link for job in jobs)
 
 
 def _jobs_of(
     recipe: Recipe, folder: Path, link: str, links: Tree, shapes: SourceShapes
 ) -> list[Job]:
     rule = first_match(recipe.collision.links, link) or recipe.collision.default
-    link_shapes = _source_of(rule, link, shapes)
-    method = method_of(rule)
-    if method is None or not isinstance(rule, ShapedRule):
+    roles: tuple[Role, ...] = ("collision", "visual")  # of `auto`, the first that there is
+    if rule.from_ != "auto":
+        roles = (rule.from_,)
+    of_roles = (tuple(s for s in shapes.of(role) if s.link == link) for role in roles)
+    link_shapes = next(filter(None, of_roles), ())
+    if rule.method in BUILT_IN or not isinstance(rule, ShapedRule):
         return [Job(link, (shape,)) for shape in link_shapes] if rule.method == "keep" else []
+    method = load_plugin(CollisionMethod, rule.method)
     if not link_shapes and method.step_name() != "explicit":
         return []
     fields = _fields(rule, recipe, method)
@@ -123,7 +125,7 @@ def _jobs_of(
         fields["bones"] = tuple(sorted(end for end in ends if math.hypot(*end) > BONE_M))
     places = (*rule.keep_open, *rule.regions)
     if method.scope != "shape":
-        files = _own_meshes(rule, fields, folder)
+        files = _own_meshes(fields, folder)
         return [Job(link, link_shapes, method, fields, places, files)]
     return [
         Job(link, (shape,))
@@ -134,44 +136,23 @@ def _jobs_of(
 
 
 def _own_meshes(
-    rule: CollisionRule,
-    fields: dict[str, Any],
-    folder: Path,  # Any: as Job.fields
+    fields: dict[str, Any],  # Any: as Job.fields
+    folder: Path,
 ) -> tuple[MeshFile, ...]:
     """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
     meshes: list[MeshFile] = []
-    for piece, data in zip(
-        getattr(rule, "pieces", None) or (), fields.get("pieces", ()), strict=True
-    ):
-        if piece.file is None:
-            continue
-        mesh = MeshFile(str(file_of(piece.file, folder)), piece.scale or (1.0, 1.0, 1.0))
-        if mesh not in meshes:
-            meshes.append(mesh)
-        data |= {"file": f"own/{meshes.index(mesh)}", "scale": None}
+    for piece in fields.get("pieces", ()):
+        if piece["file"] is not None:
+            path = str(file_of(piece["file"], folder))
+            mesh = MeshFile(path, piece["scale"] or (1.0, 1.0, 1.0))
+            meshes += [mesh] * (mesh not in meshes)
+            piece |= {"file": f"own/{meshes.index(mesh)}", "scale": None}
     return tuple(meshes)
 
 
 def file_of(name: str, folder: Path) -> Path:
     """The absolute path of a file that a recipe in `folder` names."""
     return Path(os.path.normpath(folder / name))
-
-
-def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
-    of_link = {
-        role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
-        for role in ("collision", "visual")
-    }
-    if rule.from_ == "auto":
-        return of_link["collision"] or of_link["visual"]
-    return of_link[rule.from_]
-
-
-def method_of(rule: CollisionRule) -> type[CollisionMethod] | None:
-    """The plug-in of a rule, None for `keep` and `none`."""
-    if rule.method in BUILT_IN:
-        return None
-    return load_plugin(CollisionMethod, rule.method)
 
 
 def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> None:
@@ -214,45 +195,32 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
 
     A question to the graph: meshes are compared once they are converted.
     """
-    shared, nodes = _by_mesh(jobs, converted)
-    if len(nodes) < 2:
-        return {}
-    folders = {label: f"shapes/{number}" for number, label in enumerate(nodes)}
-    inputs = {
-        f"{folders[label]}/{output}": node[output]
-        for label, node in nodes.items()
-        for output in ("parts/", "mesh.json")
-    }
-    node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
-    answer = p.ask(node["matches.json"])
-    if answer is None:
-        return None
-    matches = json.loads(answer)
-    by_folder = {folder: label for label, folder in folders.items()}
-    twins: dict[Job, tuple[Job, Likeness]] = {}
-    for (label, options), same in shared.items():
-        match = matches.get(folders[label])
-        others = shared.get((by_folder[match["like"]], options)) if match else None
-        if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
-            likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
-            twins |= dict.fromkeys(same, (others[0], likeness))
-    return twins
-
-
-def _by_mesh(
-    jobs: Sequence[Job], converted: Converted
-) -> tuple[dict[tuple[str, str], list[Job]], dict[str, Node]]:
-    """({(label of the mesh, fields): jobs with them}, {label: node}) of those worth comparing."""
-    groups: dict[tuple[str, str], list[Job]] = {}
-    nodes: dict[str, Node] = {}
+    groups: dict[MeshFile, dict[str, list[Job]]] = {}
     for job in jobs:
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
         mesh = job.shapes[0].geometry
-        if job.per_link or job.places or not isinstance(mesh, MeshFile):
-            continue
-        node = converted(mesh)
-        nodes[node.label] = node
-        options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
-        groups.setdefault((node.label, options), []).append(job)
-    return groups, nodes
+        if not job.per_link and not job.places and isinstance(mesh, MeshFile):
+            options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
+            groups.setdefault(mesh, {}).setdefault(options, []).append(job)
+    if len(groups) < 2:
+        return {}
+    folders = {f"shapes/{number}": mesh for number, mesh in enumerate(groups)}
+    inputs = {
+        f"{folder}/{output}": converted(mesh)[output]
+        for folder, mesh in folders.items()
+        for output in ("parts/", "mesh.json")
+    }
+    node = p.add("match_shapes", MatchShapes(folders=tuple(folders)), inputs)
+    answer = p.ask(node["matches.json"])
+    if answer is None:
+        return None
+    twins: dict[Job, tuple[Job, Likeness]] = {}
+    for folder, match in json.loads(answer).items():
+        likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
+        earlier = groups[folders[match["like"]]]
+        for options, same in groups[folders[folder]].items():
+            others = earlier.get(options)
+            if others and jobs.index(others[0]) < jobs.index(same[0]):  # else not planned yet
+                twins |= dict.fromkeys(same, (others[0], likeness))
+    return twins

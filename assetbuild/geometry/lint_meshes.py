@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -26,12 +27,7 @@ from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.shapes import (
-    MeshFile,
-    SourceGeometry,
-    SourceShape,
-    SourceShapes,
-)
+from assetbuild.robot.shapes import MeshFile, Role, SourceShape, SourceShapes
 
 CLEARLY = 0.05
 """Share of the part's size by which the other way must fit better to be worth a word."""
@@ -51,8 +47,16 @@ UP_AXIS_FIT = Rule(
 )
 
 
-Box3 = Array
-"""(2, 3): lower and upper corner of an axis-aligned box, m."""
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """A shape of known size in the frame of its link: (8, 3) corners as it stands, and the other
+    way, m. path: of a mesh whose file states an up axis.
+    """
+
+    role: Role
+    path: str | None
+    now: Array
+    other: Array
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class _Vote:
     now: float
     other: float
     by: str
-    is_sure: bool
+    is_sure: bool = False
 
     @property
     def is_better(self) -> bool:
@@ -103,8 +107,7 @@ def judge_up_axes(
 
     records: by the name of the shape; a mesh without one is no witness.
     """
-    votes = _votes(tree, shapes, records)
-    doubted = _doubted(shapes, records)
+    votes, doubted = _votes(tree, shapes, records)
     wrong = _wrong(votes, doubted)
     better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
     if not better:
@@ -132,7 +135,7 @@ def meshes_to_turn(
     tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> frozenset[str]:
     """Paths of the meshes that stand best with the up axis that they state; none was turned."""
-    return _wrong(_votes(tree, shapes, records), _doubted(shapes, records))
+    return _wrong(*_votes(tree, shapes, records))
 
 
 def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> frozenset[str]:
@@ -152,36 +155,52 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> froz
             sure[path] += says if vote.is_sure else 0
             alike[format_of(path)] += says
             count[format_of(path)] += 1
-    wanted = {}
-    for path in doubted:
+    wrong = set()
+    for path, record in doubted.items():
         format = format_of(path)
         most = alike[format] if abs(alike[format]) > AGREED * count[format] else 0
-        wanted[path] = shown[path] or most or sure[path] or alike[format]
-    return frozenset(
-        path for path, says in wanted.items() if says and (says > 0) != doubted[path].turned
-    )
+        says = shown[path] or most or sure[path] or alike[format]
+        if says and (says > 0) != record.turned:
+            wrong.add(path)
+    return frozenset(wrong)
 
 
-def _doubted(
-    shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
-) -> dict[str, ConvertedMesh]:
-    """Meshes that state an up axis, by path."""
-    return {_path(s): records[s.name] for s in shapes.shapes if _says(s, records)}
+def _votes(
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
+) -> tuple[list[_Vote], dict[str, ConvertedMesh]]:
+    """What each link says of its meshes, where it says anything clearly; and the meshes that state
+    an up axis, by path."""
+    by_link: dict[str, list[_Standing]] = {}
+    doubted: dict[str, ConvertedMesh] = {}
+    for shape in shapes.shapes:
+        record = records.get(shape.name)
+        standing = _standing(shape, record)
+        if standing is not None:
+            by_link.setdefault(shape.link, []).append(standing)
+            if standing.path is not None and record is not None:
+                doubted[standing.path] = record
+    asked = ((body, role) for body in tree.bodies for role in get_args(Role))
+    said = (_vote(body, role, tree, by_link.get(body.name, [])) for body, role in asked)
+    return [vote for vote in said if vote is not None], doubted
 
 
-def _path(shape: SourceShape) -> str:
-    assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # only meshes have a record
-    return shape.geometry.path
-
-
-def _votes(tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> list[_Vote]:
-    """What each link says of its meshes, where it says anything clearly."""
-    return [
-        vote
-        for body in tree.bodies
-        for role in ("visual", "collision")
-        if (vote := _vote(body, role, _joints_at(body.name, tree), shapes, records)) is not None
-    ]
+def _standing(shape: SourceShape, record: ConvertedMesh | None) -> _Standing | None:
+    """None for a mesh that was not converted, which is no witness."""
+    geometry = shape.geometry
+    path, turn = None, np.eye(3)
+    if not isinstance(geometry, MeshFile):
+        upper = np.array([half_height(geometry, axis) for axis in np.eye(3)])
+        box = np.array([-upper, upper])
+    elif record is None:
+        return None
+    else:
+        box = np.array([record.lower, record.upper])
+        if record.up_axis is not None:
+            path, turn = geometry.path, np.array(TO_Z_UP[record.up_axis], dtype=np.float64)
+            turn = np.diag(geometry.scale) @ (turn.T if record.turned else turn) / geometry.scale
+    corners = np.array(list(itertools.product(*box.T)), dtype=np.float64)
+    now, other = (shape.X_link_shape.apply(each) for each in (corners, corners @ turn.T))
+    return _Standing(shape.role, path, now, other)
 
 
 def _joints_at(link: str, tree: Tree) -> Array:
@@ -191,43 +210,30 @@ def _joints_at(link: str, tree: Tree) -> Array:
     return np.array([*below, *above], dtype=np.float64).reshape(-1, 3)
 
 
-def _vote(
-    body: Body,
-    role: str,
-    joints: Array,
-    shapes: SourceShapes,
-    records: Mapping[str, ConvertedMesh],
-) -> _Vote | None:
-    body_shapes = [
-        shape
-        for shape in shapes.shapes
-        if shape.link == body.name
-        and (not isinstance(shape.geometry, MeshFile) or shape.name in records)
-    ]
-    doubted = [s for s in body_shapes if s.role == role and _says(s, records)]
-    if not doubted:
-        return None
+def _vote(body: Body, role: Role, tree: Tree, shapes: Sequence[_Standing]) -> _Vote | None:
+    """What a link with these shapes says of its meshes of one role; None: nothing clearly."""
     # One box for all parts of a role: collision is cut into other pieces than what is seen.
-    same = [s for s in body_shapes if s.role == role]
-    boxes = [_around(same, records, other=other) for other in (False, True)]
+    same = [shape for shape in shapes if shape.role == role]
+    paths = tuple(dict.fromkeys(shape.path for shape in same if shape.path is not None))
+    if not paths:
+        return None
+    boxes = _around([shape.now for shape in same]), _around([shape.other for shape in same])
     size = float(np.linalg.norm(boxes[0][1] - boxes[0][0]))
-    witnesses = [s for s in body_shapes if s.role != role and not _says(s, records)]
+    witnesses = [s.now for s in shapes if s.role != role and s.path is None]
     misfits: dict[str, list[float]] = {}
     if witnesses:
-        seen = _around(witnesses, records, other=False)
-        misfits[SHAPE] = [float(np.abs(b - seen).max()) for b in boxes]
+        seen = _around(witnesses)
+        misfits[SHAPE] = [float(np.abs(box - seen).max()) for box in boxes]
     else:
         if body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
             com = np.array([body.inertial.com_m])
-            misfits["the centre of mass"] = [
-                float(beyond_box(box[0], box[1], com)[0]) for box in boxes
-            ]
+            misfits["the centre of mass"] = [float(beyond_box(box, com)[0]) for box in boxes]
+        joints = _joints_at(body.name, tree)
         if len(joints):
-            far = [float(beyond_box(box[0], box[1], joints).mean()) for box in boxes]
+            far = [float(beyond_box(box, joints).mean()) for box in boxes]
             misfits["where its joints are"] = far
-    paths = tuple(dict.fromkeys(_path(shape) for shape in doubted))
     votes = [
-        _Vote(body.name, paths, now / size, other / size, by, False)
+        _Vote(body.name, paths, now / size, other / size, by)
         for by, (now, other) in misfits.items()
         if abs(now - other) > CLEARLY * size
     ]
@@ -238,42 +244,10 @@ def _vote(
     return replace(best, is_sure=is_sure)
 
 
-def _says(shape: SourceShape, records: Mapping[str, ConvertedMesh]) -> bool:
-    return shape.name in records and records[shape.name].up_axis is not None
-
-
-def _around(
-    shapes: list[SourceShape], records: Mapping[str, ConvertedMesh], *, other: bool
-) -> Box3:
-    """Bounds of some shapes in the frame of their link; `other`: doubted ones the other way."""
-    points = []
-    for shape in shapes:
-        record = records.get(shape.name)
-        if record is None:
-            assert not isinstance(shape.geometry, MeshFile)  # noqa: S101 # a mesh has a record
-            half = np.array([half_height(shape.geometry, axis) for axis in np.eye(3)])
-            corners = _corners(np.array([-half, half]))
-        else:
-            corners = _corners(np.array([record.lower, record.upper]))
-            if other and record.up_axis is not None:
-                corners = _otherwise(corners, record, shape.geometry)
-        points.append(shape.X_link_shape.apply(corners))
+def _around(points: Sequence[Array]) -> Array:
+    """(2, 3) m: lower and upper corner of the box around points (n, 3)."""
     every = np.concatenate(points)
     return np.array([every.min(axis=0), every.max(axis=0)])
-
-
-def _corners(box: Box3) -> Array:
-    """(8, 3) m."""
-    return np.array(list(itertools.product(*box.T)), dtype=np.float64)
-
-
-def _otherwise(corners: Array, record: ConvertedMesh, geometry: SourceGeometry) -> Array:
-    """The corners of a mesh if its up axis were honoured, or were not: again those of a box."""
-    turn = np.array(TO_Z_UP[record.up_axis or ""], dtype=np.float64)
-    if record.turned:
-        turn = turn.T
-    scale = np.array(geometry.scale if isinstance(geometry, MeshFile) else (1.0, 1.0, 1.0))
-    return np.asarray((corners / scale) @ turn.T * scale)
 
 
 DEFAULT_KG_M3 = 1000.0

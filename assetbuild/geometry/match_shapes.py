@@ -8,7 +8,6 @@ result measures it again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +18,6 @@ from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
 from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.pose import Array
 
 SAMPLES = 2000
 SAME = 1.2
@@ -52,7 +50,7 @@ class MatchShapes(Step):
             folder = files.inputs / name
             record = decode_file(ConvertedMesh, folder / "mesh.json")
             parts = [read_part(folder / "parts" / part.file, folder.name) for part in record.parts]
-            this = _Sampled.of(name, merged(parts))
+            this = _Sampled(name, merged(parts))
             match = _match(this, first)
             if match is not None:
                 matches[name] = match
@@ -62,40 +60,33 @@ class MatchShapes(Step):
         return ()
 
 
-@dataclass(frozen=True, eq=False)
 class _Sampled:
-    """Samples about the middle of the bounds. base: mean distance between two samplings, m."""
+    """Samples of a mesh about the middle of its bounds. base: mean distance between two samplings,
+    m.
+    """
 
-    name: str
-    middle: Array
-    extents: Array
-    area: float
-    points: Array
-    base: float
-
-    @classmethod
-    def of(cls, name: str, mesh: TriangleMesh) -> _Sampled:
-        """The samples of a converted mesh, which has a surface."""
+    def __init__(self, name: str, mesh: TriangleMesh) -> None:
         from scipy.spatial import cKDTree
 
         lower, upper = mesh.bounds
-        middle = (lower + upper) / 2.0
-        points, again = (surface_samples(mesh, SAMPLES, seed)[0] - middle for seed in (0, 1))
-        base = float(np.mean(cKDTree(points).query(again)[0]))
-        return cls(name, middle, upper - lower, area(mesh), points, base)
+        self.name, self.area, self.extents = name, area(mesh), upper - lower
+        self.middle = (lower + upper) / 2.0
+        self.points, again = (
+            surface_samples(mesh, SAMPLES, seed)[0] - self.middle for seed in (0, 1)
+        )
+        self.tree = cKDTree(self.points)
+        self.base = float(np.mean(self.tree.query(again)[0]))
 
 
 def _match(this: _Sampled, known: Sequence[_Sampled]) -> dict[str, object] | None:
-    from scipy.spatial import cKDTree
-
     for other in known:
         if abs(this.area - other.area) > AREA * other.area:
             continue
         size = float(np.linalg.norm(other.extents))
         if float(np.linalg.norm(this.extents - other.extents)) > EXTENT * size:
             continue
-        tree = cKDTree(other.points)
-        apart = [float(np.mean(tree.query(this.points * np.asarray(s))[0])) for s in MIRRORS]
+        turned = (this.points * np.asarray(signs) for signs in MIRRORS)
+        apart = [float(np.mean(other.tree.query(points)[0])) for points in turned]
         best = int(np.argmin(apart))
         if apart[best] < SAME * this.base:
             signs = np.asarray(MIRRORS[best])

@@ -10,7 +10,8 @@ from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure, pixel_digest
 from assetbuild.findings import Finding
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.hulls import hull_or_points, write_meshes
+from assetbuild.mesh.hull import hull_or_points
+from assetbuild.mesh.hulls import write_meshes
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles

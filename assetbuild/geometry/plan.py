@@ -66,9 +66,9 @@ class Geometry:
         self._turned |= {path_of(path) for path in part._turned}
         self._stems = _short_names(tuple(self._files)) | self._stems
 
-    def is_converted(self, mesh: MeshFile) -> bool:
-        """Has anything asked for this mesh so far?"""
-        return mesh in self._converted
+    def is_converted(self, shape: SourceShape) -> bool:
+        """Is it a mesh that anything asked for so far?"""
+        return shape.geometry in self._converted
 
     def converted(self, mesh: MeshFile) -> Node:
         """The full mesh, as OBJ per material."""
@@ -148,28 +148,26 @@ def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node
 
     Only those that the build converts: one that nothing uses may be broken.
     """
-    records = {
-        shape.name: geometry.converted(shape.geometry)["mesh.json"]
-        for shape in geometry.shapes.shapes
-        if isinstance(shape.geometry, MeshFile) and geometry.is_converted(shape.geometry)
-    }
-    inputs = {"links.json": links, "shapes.json": shapes} | _numbered(records)
-    return p.add("lint_meshes", LintMeshes(shapes=tuple(records)), inputs)
+    wanted = filter(geometry.is_converted, geometry.shapes.shapes)
+    names, records = _records(wanted, geometry)
+    inputs = {"links.json": links, "shapes.json": shapes, **records}
+    return p.add("lint_meshes", LintMeshes(shapes=names), inputs)
 
 
 def lint_density(robot: Mapping[str, Ref], geometry: Geometry, p: Planner) -> None:
     """Add the lint of densities, over the source's own masses and meshes."""
-    records = {
-        shape.name: geometry.converted(shape.geometry)["mesh.json"]
-        for shape in geometry.shapes.of("visual")
-        if isinstance(shape.geometry, MeshFile)
-    }
-    if records:
-        p.add("lint_density", LintDensity(shapes=tuple(records)), {**robot, **_numbered(records)})
+    names, records = _records(geometry.shapes.of("visual"), geometry)
+    if names:
+        p.add("lint_density", LintDensity(shapes=names), {**robot, **records})
 
 
-def _numbered(records: Mapping[str, Ref]) -> dict[str, Ref]:
-    return {f"meshes/{number}.json": ref for number, ref in enumerate(records.values())}
+def _records(
+    shapes: Iterable[SourceShape], geometry: Geometry
+) -> tuple[tuple[str, ...], dict[str, Ref]]:
+    """Names of those that are meshes, and the records of these as numbered inputs."""
+    meshes = {s.name: s.geometry for s in shapes if isinstance(s.geometry, MeshFile)}
+    nodes = map(geometry.converted, meshes.values())
+    return tuple(meshes), {f"meshes/{n}.json": node["mesh.json"] for n, node in enumerate(nodes)}
 
 
 def assemble(
@@ -251,28 +249,29 @@ def companions(files: Mapping[str, Ref], source: SourceFiles, p: Planner) -> Com
     A material library names pictures in its turn; what those are called from the mesh's folder
     is what `convert_mesh` looks for.
     """
-    named = _named(files, p)
-    if named is None:
-        return None
-    first = source.present("mesh companions", _all(named))
-    if first is None:
-        return None
-    libraries = {path: ref for path, ref in first.items() if format_of(path) == "mtl"}
-    pictures = _named(libraries, p)
-    if pictures is None:
-        return None
-    second = source.present("library pictures", _all(pictures) - set(first))
-    if second is None:
-        return None
-    available = {**first, **second}
+    named: dict[str, tuple[str, ...]] = {}
+    available: dict[str, Ref] = {}
+    new = files
+    for question in ("mesh companions", "library pictures"):
+        more = _named(new, p)
+        if more is None:
+            return None
+        named |= more
+        wanted = {path for paths in more.values() for path in paths} - set(available)
+        found = source.present(question, wanted)
+        if found is None:
+            return None
+        available |= found
+        new = {path: ref for path, ref in found.items() if format_of(path) == "mtl"}
     return {
         mesh: {
             posixpath.relpath(path, posixpath.dirname(mesh) or "."): available[path]
             for name in names
-            for path in (name, *pictures.get(name, ()))
+            for path in (name, *(named.get(name, ()) if format_of(name) == "mtl" else ()))
             if path in available
         }
         for mesh, names in named.items()
+        if mesh in files
     }
 
 
@@ -293,7 +292,3 @@ def _named(files: Mapping[str, Ref], p: Planner) -> dict[str, tuple[str, ...]] |
         # What leads out of the source is not followed; `convert_mesh` says that it is not there.
         named[path] = tuple(path for path in paths if not path.startswith("../"))
     return named
-
-
-def _all(named: Mapping[str, Iterable[str]]) -> set[str]:
-    return {path for paths in named.values() for path in paths}

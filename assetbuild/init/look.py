@@ -171,7 +171,7 @@ def points_of(root: Path, geometry: SourceGeometry) -> Array | None:
 
 def scaled_points(read: SourceMesh, mesh: MeshFile) -> Array:
     """(n, 3) m, of the points that a face uses."""
-    used = [part.mesh.vertices[np.unique(part.mesh.faces)] for part in read.parts]
+    used = [part.mesh.vertices[part.mesh.is_used] for part in read.parts]
     points: Array = np.concatenate(used) * np.array(mesh.scale)
     return points
 

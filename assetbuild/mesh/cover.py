@@ -74,28 +74,23 @@ class Reference:
         self.mesh = mesh
         self.diagonal = mesh.diagonal
         self.hull = convex_hull(mesh.vertices)
-        self._clouds: dict[tuple[float, ...], NDArray[np.bool_]] = {}
-
-    @cached_property
-    def hollow(self) -> bool:
-        """An open mesh with next to nothing inside, a sheet: its hull stands for it."""
-        if self.mesh.is_closed:
-            return False
-        inside = self._as_drawn.contains(sobol(POINTS, *self.room))
-        self._clouds[_key(*self.room)] = inside
-        return int(inside.sum()) < LEAST_INSIDE
+        self._clouds: dict[bytes, NDArray[np.bool_]] = {}
 
     @cached_property
     def solid(self) -> Solid:
-        """Which points are inside."""
-        if not self.hollow:
-            return self._as_drawn
-        self._clouds.clear()
-        return Solid(self.hull)
+        """Which points are inside. The hull stands for a sheet: an open mesh without an inside."""
+        drawn = Solid(self.mesh)
+        if not self.mesh.is_closed:
+            inside = drawn.contains(sobol(POINTS, *self.room))
+            if int(inside.sum()) < LEAST_INSIDE:
+                return Solid(self.hull)
+            self._clouds[_key(*self.room)] = inside
+        return drawn
 
-    @cached_property
-    def _as_drawn(self) -> Solid:
-        return Solid(self.mesh)
+    @property
+    def hollow(self) -> bool:
+        """Whether the hull stands for the mesh."""
+        return self.solid.mesh is self.hull
 
     @cached_property
     def room(self) -> tuple[Array, Array]:
@@ -107,9 +102,9 @@ class Reference:
     def filling(self) -> tuple[Array, float]:
         """(points (n, 3) evenly inside the mesh, the volume that each stands for in m3)."""
         lower, upper = self.room
-        cloud = sobol(POINTS, lower, upper)[:FILLING]
-        known = self._clouds.get(_key(lower, upper)) if not self.hollow else None
-        inside = self.solid.contains(cloud) if known is None else known[:FILLING]
+        cloud, solid = sobol(POINTS, lower, upper)[:FILLING], self.solid
+        known = self._clouds.get(_key(lower, upper))
+        inside = solid.contains(cloud) if known is None else known[:FILLING]
         return cloud[inside], float(np.prod(upper - lower)) / FILLING
 
     @cached_property
@@ -124,7 +119,7 @@ class Reference:
         """The mesh as a solid of manifold3d; None when it is not one."""
         import manifold3d
 
-        mesh = self.hull if self.hollow else self.mesh
+        mesh = self.solid.mesh
         if not mesh.is_closed or signed_volume(mesh) <= 0.0:
             return None
         triangles = np.ascontiguousarray(mesh.faces, dtype=np.uint64)
@@ -272,8 +267,8 @@ def outside(reference: Reference, points: Array) -> float:
     return farthest if farthest > least else 0.0
 
 
-def _key(lower: Array, upper: Array) -> tuple[float, ...]:
-    return (*lower.tolist(), *upper.tolist())
+def _key(lower: Array, upper: Array) -> bytes:
+    return lower.tobytes() + upper.tobytes()
 
 
 def _float64(points: Array) -> Array:

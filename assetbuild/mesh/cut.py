@@ -45,7 +45,14 @@ def cut_parts(mesh: TriangleMesh, filling: Array, cell_m3: float, count: int) ->
 
     filling: (n, 3) points evenly inside the mesh, each of which stands for `cell_m3`.
     """
-    whole = _whole(mesh, filling, cell_m3)
+    whole = _Part(
+        skin=surface_samples(mesh, SKIN, 0)[0],
+        kept=mesh.vertices if len(mesh.vertices) < SEEN // 2 else np.zeros((0, 3)),
+        inner=filling,
+        faces=mesh.faces,
+        clipped=np.zeros((0, 3, 3)),
+        reach_m=cell_m3 ** (1.0 / 3.0),
+    )
     same_m = SAME * mesh.diagonal
     ledges = [_ledges(mesh.vertices[:, axis], same_m) for axis in range(3)]
     least = LEAST_GAIN * whole.hull_m3
@@ -148,9 +155,11 @@ class _Part:
 
     def cut(self, mesh: TriangleMesh, cut: _Cut) -> Iterator[_Part]:
         """The part below the plane, then the part above it."""
-        faces, clipped = _clip(mesh, self.faces, self.clipped, cut)
-        for side, half in enumerate(self.halves(cut)):
-            yield replace(half, faces=faces[side], clipped=clipped[side])
+        below = (mesh.vertices[:, cut.axis] <= cut.place_m)[self.faces].sum(axis=1)
+        crossed = mesh.vertices[self.faces[(below == 1) | (below == 2)]]
+        clipped = _split(np.concatenate([crossed, self.clipped]), cut)
+        for half, corners, count in zip(self.halves(cut), clipped, (3, 0), strict=True):
+            yield replace(half, faces=self.faces[below == count], clipped=corners)
 
     def halves(self, cut: _Cut) -> Iterator[_Part]:
         """Both sides without their triangles, which a search does not look at."""
@@ -161,17 +170,6 @@ class _Part:
             )
             kept = np.concatenate([kept, cap])
             yield _Part(skin, kept, inner, self.faces[:0], self.clipped[:0], self.reach_m)
-
-
-def _whole(mesh: TriangleMesh, filling: Array, cell_m3: float) -> _Part:
-    return _Part(
-        skin=surface_samples(mesh, SKIN, 0)[0],
-        kept=mesh.vertices if len(mesh.vertices) < SEEN // 2 else np.zeros((0, 3)),
-        inner=filling,
-        faces=mesh.faces,
-        clipped=np.zeros((0, 3, 3)),
-        reach_m=cell_m3 ** (1.0 / 3.0),
-    )
 
 
 def _ledges(places_m: Array, same_m: float) -> tuple[Array, Indices]:
@@ -238,16 +236,6 @@ def _tried(part: _Part, axis: int, place_m: float) -> _Cut:
         return _Cut(axis, place_m, np.inf)
     halves = zip((part.seen[~is_above], part.seen[is_above]), part.caps(axis, place_m), strict=True)
     return _Cut(axis, place_m, sum(hull_volume(np.concatenate(side)) for side in halves))
-
-
-def _clip(
-    mesh: TriangleMesh, faces: Indices, clipped: Array, cut: _Cut
-) -> tuple[tuple[Indices, Indices], tuple[Array, Array]]:
-    """(whole faces below and above the plane, corners (m, 3, 3) of clipped ones likewise)."""
-    below = (mesh.vertices[:, cut.axis] <= cut.place_m)[faces].sum(axis=1)
-    crossed = mesh.vertices[faces[(below == 1) | (below == 2)]]
-    sides = _split(np.concatenate([crossed, clipped]), cut)
-    return (faces[below == 3], faces[below == 0]), sides
 
 
 def _split(corners: Array, cut: _Cut) -> tuple[Array, Array]:

@@ -13,12 +13,7 @@ from assetbuild.errors import StepError, one_line
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.dae_text import load
-from assetbuild.mesh.material import (
-    SourceMesh,
-    SurfaceMaterial,
-    colours_finding,
-    group_by_material,
-)
+from assetbuild.mesh.material import SourceMesh, SurfaceMaterial, group_by_material
 from assetbuild.mesh.triangles import Indices, TriangleMesh, polygon_triangles
 from assetbuild.robot.pose import Array
 
@@ -73,14 +68,14 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
     if unit is not None and unit != 1.0:
         scale = (float(unit),) * 3
         placed = [(material, mesh.scaled(scale)) for material, mesh in placed]
-    cameras = len(document.cameras)
-    if cameras:
-        skipped["cameras"] = cameras
+    if document.cameras:
+        skipped["cameras"] = len(document.cameras)
     return SourceMesh(
         group_by_material(placed),
-        (*findings, *_said(document, skipped, unit, coloured, subject)),
+        (*findings, *_said(document, skipped, unit, subject)),
         # The standard's default, Y_UP, when the asset does not say.
         up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
+        coloured=coloured,
     )
 
 
@@ -196,7 +191,7 @@ def _material(material: Any) -> SurfaceMaterial:
 
 
 def _said(
-    document: Any, skipped: Mapping[str, int], unit: float | None, coloured: bool, subject: str
+    document: Any, skipped: Mapping[str, int], unit: float | None, subject: str
 ) -> Iterator[Finding]:
     if skipped:
         names = ", ".join(f"{count} {name}" for name, count in sorted(skipped.items()))
@@ -206,7 +201,6 @@ def _said(
     if unit is not None and unit != 1.0:
         message = f"the file's unit is {unit:g} m; it is applied, as viewers do"
         yield UNIT(subject, message, data={"unit_m": float(unit)})
-    yield from colours_finding(coloured, subject)
     if document.errors:
         message = f"parts of the file were not understood: {one_line(document.errors[0])}"
         hint = "shapes are complete; a colour, camera or texture may be missing"

@@ -34,7 +34,8 @@ def load(data: bytes, subject: str) -> tuple[Any, list[Finding], dict[str, int]]
 
     _refuse_foreign(data, subject)
     root, findings = _root(data, subject)
-    _refuse_unread(root, subject)
+    for element, message, hint in _unread(root):
+        raise StepError(message, where=Where(subject, element.sourceline), hint=hint)
     lines = {g.get("id"): g.sourceline for g in root.iterfind(GEOMETRIES)}
     skipped, gone = _without_curves(root)
     text = _bytes(root) if findings or skipped or gone else data
@@ -47,9 +48,8 @@ def load(data: bytes, subject: str) -> tuple[Any, list[Finding], dict[str, int]]
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     _refuse_lost_geometry(document, lines, subject)
-    absent = [e for e in document.errors if isinstance(e, DaeBrokenRefError)]
-    absent = [e for e in absent if "Geometry " in str(e)]
-    if absent:
+    broken = (e for e in document.errors if isinstance(e, DaeBrokenRefError))
+    if absent := [e for e in broken if "Geometry " in str(e)]:
         skipped["instances of geometry that the file lacks"] = len(absent)
         document.errors = [e for e in document.errors if e not in absent]
     return document, [*findings, *_repeated(root, subject)], skipped
@@ -187,31 +187,23 @@ def _second(elements: Iterable[Any]) -> Iterator[Any]:
         seen.add(name)
 
 
-def _refuse_unread(root: Any, subject: str) -> None:
-    """What readers take in different ways, or leave out without a word."""
+def _unread(root: Any) -> Iterator[tuple[Any, str, str]]:
+    """(element, what is wrong, hint) of what readers take in different ways, or leave out without
+    a word."""
     for geometry in _second(root.iterfind(GEOMETRIES)):
-        raise StepError(
-            f"a second geometry has the id `{geometry.get('id')}`, and readers differ in which "
-            "one they show",
-            where=Where(subject, geometry.sourceline),
-            hint="give each `<geometry>` an id of its own, or delete what is not meant",
-        )
+        message = f"a second geometry has the id `{geometry.get('id')}`, and readers differ in "
+        message += "which one they show"
+        hint = "give each `<geometry>` an id of its own, or delete what is not meant"
+        yield geometry, message, hint
     for hole in root.iterfind(f"{GEOMETRIES}//{{*}}ph"):
-        raise StepError(
-            "polygons with holes (`<ph>`) are not read",
-            where=Where(subject, hole.sourceline),
-            hint="triangulate the mesh before it is exported",
-        )
+        message = "polygons with holes (`<ph>`) are not read"
+        yield hole, message, "triangulate the mesh before it is exported"
     for accessor in root.iterfind(f"{GEOMETRIES}//{{*}}accessor"):
         width = str(len(accessor.findall("{*}param")))
         stride, offset = accessor.get("stride", width), accessor.get("offset", "0")
         if (stride, offset) != (width, "0"):
-            raise StepError(
-                f"an accessor of {width} values has stride {stride} and offset {offset}, which "
-                "is not read",
-                where=Where(subject, accessor.sourceline),
-                hint="export the mesh again",
-            )
+            message = f"an accessor of {width} values has stride {stride} and offset {offset}, "
+            yield accessor, message + "which is not read", "export the mesh again"
     # pycollada takes 1 m for what it cannot read; assimp reads `0,01` as a centimetre.
     unit = root.find("{*}asset/{*}unit")
     stated = "1" if unit is None else unit.get("meter", "1")
@@ -220,11 +212,8 @@ def _refuse_unread(root: Any, subject: str) -> None:
     except ValueError:
         is_usable = False
     if not is_usable:
-        raise StepError(
-            f'the unit is `meter="{stated}"`, which is no positive number',
-            where=Where(subject, unit.sourceline),
-            hint='write the metres of one unit of the file, as `meter="0.001"` for millimetres',
-        )
+        hint = 'write the metres of one unit of the file, as `meter="0.001"` for millimetres'
+        yield unit, f'the unit is `meter="{stated}"`, which is no positive number', hint
 
 
 # --- what pycollada loses ------------------------------------------------------------------------

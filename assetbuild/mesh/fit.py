@@ -16,7 +16,7 @@ import numpy as np
 from assetbuild.mesh.cover import POINTS, Reference
 from assetbuild.mesh.cut import tips
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Fitted, Movable, resized, volume_of
+from assetbuild.mesh.primitives import Fitted, refined, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
@@ -234,26 +234,14 @@ def _least_squares(start: Fitted, samples: Array) -> Fitted:
     Minimises mean |d| + RMS(d) / 2 over the signed distances d, by L-BFGS-B within BOUNDS
     (unbounded, a box once ran away).
     """
-    from scipy.optimize import minimize
-
     scale = float(np.linalg.norm(np.ptp(samples, axis=0)))
-    movable = Movable(start, samples, scale)
-    everywhere = np.ones(len(samples), dtype=bool)
 
-    def cost(x: Array) -> tuple[float, Array]:
-        distance = movable.distance(x)
+    def cost(distance: Array) -> tuple[float, Array]:
         rms = math.sqrt(float((distance**2).mean()))
         by_distance = (np.sign(distance) + 0.5 * distance / max(rms, 1e-12)) / len(distance)
-        slope = by_distance @ movable.slope(x, everywhere)
-        return (float(np.abs(distance).mean()) + 0.5 * rms) / scale, slope / scale
+        return float(np.abs(distance).mean()) + 0.5 * rms, by_distance
 
-    zero = np.zeros(movable.count)
-    result = minimize(
-        cost, zero, jac=True, method="L-BFGS-B", bounds=movable.bounds(), options={"maxiter": 100}
-    )
-    if not float(result.fun) < cost(zero)[0]:
-        return start
-    return movable.body(np.asarray(result.x, dtype=np.float64))
+    return refined([start], samples, scale, cost, 100, scale)[0]
 
 
 def tidy(fitted: Fitted) -> Fitted:

@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import AS_GOOD, enclosing_each, first_best, tidy
-from assetbuild.mesh.primitives import Fitted, Movable, resized, volume_of
+from assetbuild.mesh.primitives import Fitted, refined, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
@@ -42,35 +40,25 @@ STUBBY = 2.0
 """Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
 
 
-@dataclass(frozen=True, eq=False)
 class Cloud:
     """Points about a mesh (n, 3), which are inside, and how far each is from the surface, m.
 
-    The last SAMPLES of `points` lie on the surface and have no part in the volumes. size: the
-    diagonal, m.
+    The last SAMPLES of `points` lie on the surface and have no part in the volumes. Seeded.
     """
 
-    points: Array
-    inside: NDArray[np.bool_]
-    depth: Array
-    size: float
-
-    @classmethod
-    def of(cls, reference: Reference) -> Cloud:
-        """Seeded; a mesh without an inside is its hull."""
+    def __init__(self, reference: Reference) -> None:
         lower, upper = reference.mesh.bounds
         room = MARGIN * (upper - lower)
         cloud = sobol(POINTS, lower - room, upper + room)
         on_surface = surface_samples(reference.mesh, SAMPLES, 0)[0]
-        return cls(
-            np.concatenate([cloud, on_surface]),
-            reference.solid.contains(cloud),
-            reference.surface.distance(cloud),
-            reference.diagonal,
-        )
+        self.points = np.concatenate([cloud, on_surface])
+        self.inside = reference.solid.contains(cloud)
+        self.depth = reference.surface.distance(cloud)
+        self.size = reference.diagonal
 
-    def score(self, distance: Array) -> float:
-        """Score a union by its signed distances (n,), m; 0 is a perfect cover."""
+    def score(self, fits: Sequence[Fitted]) -> float:
+        """Score the union of some primitives; 0 is a perfect cover."""
+        distance = np.min([ConvexPiece(*fitted).distance(self.points) for fitted in fits], axis=0)
         near = np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size
         occupied = (distance <= 0.0).astype(np.float64)
         return self._score(occupied, near.astype(np.float64), distance)
@@ -119,14 +107,14 @@ def fit_parts(
 
     bones: (x, y, z) from the frame's origin to the next joints, m: a leg's capsule follows them.
     """
-    cloud = Cloud.of(reference)
+    cloud = Cloud(reference)
     fits = [_best_for(part, kinds, bones) for part in parts]
     for softness in SOFTNESS:
         fits = _refined(fits, cloud, softness * cloud.size)
     if Sphere in kinds:
         fits = _with_balls(fits, cloud)
     fits = [tidy(fitted) for fitted in fits]
-    return fits, cloud.score(_union(fits, cloud.points))
+    return fits, cloud.score(fits)
 
 
 def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
@@ -141,15 +129,9 @@ def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
         radius = (volume_of(primitive) / (4.0 / 3.0 * math.pi)) ** (1.0 / 3.0)
         tried = [*fits[:number], (Sphere(radius), pose), *fits[number + 1 :]]
         tried = _refined(tried, cloud, SOFTNESS[-1] * cloud.size)
-        best = cloud.score(_union(fits, cloud.points))
-        if cloud.score(_union(tried, cloud.points)) <= best + AS_GOOD:
+        if cloud.score(tried) <= cloud.score(fits) + AS_GOOD:
             fits = tried
     return fits
-
-
-def _union(fits: Sequence[Fitted], points: Array) -> Array:
-    nearest: Array = np.min([ConvexPiece(*fitted).distance(points) for fitted in fits], axis=0)
-    return nearest
 
 
 # --- a part on its own ----------------------------------------------------------------------
@@ -163,48 +145,25 @@ def _best_for(
     Its axis is one of the candidates: all are turned together afterwards.
     """
     reference = Reference(part)
-    cloud = Cloud.of(reference)
+    cloud = Cloud(reference)
     smallest = enclosing_each(reference, kinds, bones, rough=True)
     fits = (
         (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
         for primitive, pose in smallest
         for factor in SHRUNK
     )
-    return first_best(fits, lambda fitted: cloud.score(_union([fitted], cloud.points)))
+    return first_best(fits, lambda fitted: cloud.score([fitted]))
 
 
 # --- all together ---------------------------------------------------------------------------
 
 
 def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
-    """The union that covers best, by L-BFGS-B and not far from `fits`.
+    """The union that covers best, not far from `fits`.
 
     Occupancy is a sigmoid of the signed distance / softness, so that the score has a slope.
-    Each point's distance, and so its slope, is that of the nearest primitive.
     """
-    from scipy.optimize import minimize
-
-    ways = [Movable(fitted, cloud.points, cloud.size) for fitted in fits]
-    ends = np.cumsum([0, *(way.count for way in ways)])
-
-    def slope(x: Array) -> tuple[float, Array]:
-        each = np.array(
-            [way.distance(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
-        )
-        nearest = np.argmin(each, axis=0)
-        here, by_distance = cloud.soft_score(each.min(axis=0), softness)
-        slopes = [
-            by_distance[nearest == number] @ way.slope(x[a:b], nearest == number)
-            for number, (way, a, b) in enumerate(zip(ways, ends, ends[1:], strict=False))
-        ]
-        return here, np.concatenate(slopes)
-
-    bounds = [bound for way in ways for bound in way.bounds()]
-    result = minimize(
-        slope, np.zeros(ends[-1]), jac=True, method="L-BFGS-B", bounds=bounds,
-        options={"maxiter": 40},
-    )  # fmt: skip
-    x = np.asarray(result.x, dtype=np.float64)
-    made = [way.body(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
-    before = cloud.score(_union(fits, cloud.points))
-    return made if cloud.score(_union(made, cloud.points)) <= before else fits
+    made = refined(
+        fits, cloud.points, cloud.size, lambda away: cloud.soft_score(away, softness), 40
+    )
+    return made if cloud.score(made) <= cloud.score(fits) else fits

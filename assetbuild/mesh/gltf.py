@@ -19,7 +19,6 @@ from assetbuild.mesh.material import (
     Rgba,
     SourceMesh,
     SurfaceMaterial,
-    colours_finding,
     group_by_material,
 )
 from assetbuild.mesh.picture import encoded
@@ -71,9 +70,9 @@ def read_gltf(
         raise StepError(f"{subject}: not readable as {format}: {reason}{lost}") from error
     parts = group_by_material(part for part in placed if part is not None)
     kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}
-    colours = bool(kinds & {"vertex", "face"})
-    findings = (*stray, *colours_finding(colours, subject))
-    return SourceMesh(parts, findings, materials.pictures, up_axis="Y_UP")  # by definition
+    coloured = bool(kinds & {"vertex", "face"})
+    # Y_UP by definition.
+    return SourceMesh(parts, tuple(stray), materials.pictures, "Y_UP", coloured)
 
 
 def _refuse_unread(header: Any, subject: str) -> None:

@@ -28,13 +28,11 @@ def convex_hull(
     points: Array,
     *,
     max_vertices: int | None = None,
-    max_polygons: int | None = None,
     subject: str = "mesh",
 ) -> TriangleMesh:
     """The convex hull of points (n, 3) m: outward triangles; its vertices are input points.
 
-    max_vertices: at least 4; max_polygons: at least 16, coplanar triangles counted as one. The
-    hull then lies inside the full one (see `_farthest_first`).
+    max_vertices: as in `capped`.
     Raises StepError when the points lie in a plane, on a line or in one spot.
     """
     given = np.asarray(points, dtype=np.float64)
@@ -43,17 +41,29 @@ def convex_hull(
     order, new = in_order(given + 0.0)
     distinct = given[order[new]] + 0.0
     refuse_flat(distinct, subject)
-    return capped(_hull_of(distinct, subject), max_vertices, max_polygons, subject=subject)
+    return capped(_hull_of(distinct, subject), max_vertices, subject=subject)
+
+
+def hull_or_points(points: Array) -> TriangleMesh:
+    """The hull of points (n, 3); of flat ones, which have none, all of them and no face."""
+    try:
+        return convex_hull(points)
+    except StepError:
+        return TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
 
 
 def capped(
     hull: TriangleMesh,
     max_vertices: int | None,
-    max_polygons: int | None,
+    max_polygons: int | None = None,
     *,
     subject: str = "mesh",
 ) -> TriangleMesh:
-    """A hull of `convex_hull` within limits as there; itself where it is within them already."""
+    """A hull of `convex_hull` within limits; itself where it is within them already.
+
+    max_vertices: at least 4; max_polygons: at least 16, coplanar triangles counted as one. The
+    hull then lies inside the full one (see `_farthest_first`).
+    """
     corners, made = hull.vertices, hull
     most = min(max_vertices or len(corners), len(corners))
     too_many = most < len(corners)

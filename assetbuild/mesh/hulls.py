@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.errors import StepError
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.hull import hull_or_points
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, solid_moments
 from assetbuild.robot.contradictions import Extent
@@ -19,14 +18,6 @@ from assetbuild.robot.shapes import Mesh, Role, Shapes
 
 TABLES = {"vertices": (3,), "faces": (3,), "uv": (3, 2), "normals": (3, 3)}
 """Arrays of a mesh in one of these files, and the shape of a row."""
-
-
-def hull_or_points(points: Array) -> TriangleMesh:
-    """The hull of points (n, 3); of flat ones, which have none, all of them and no face."""
-    try:
-        return convex_hull(points)
-    except StepError:
-        return TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
 
 
 def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:

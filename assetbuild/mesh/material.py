@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged
-from assetbuild.robot.pose import Array
+from assetbuild.mesh.triangles import TriangleMesh, merged
 
 Rgba = tuple[float, float, float, float]
-
-VERTEX_COLOURS = Rule(
-    "mesh.vertex_colours",
-    "info",
-    "colours of single vertices were left out",
-    "give the mesh a material, or a texture",
-)
 
 STRAY = Rule(
     "mesh.stray_bytes",
@@ -50,6 +40,7 @@ class SourceMesh:
     """What a mesh file holds: parts by material, order of first appearance; metres.
 
     pictures: those that lie inside the file, as PNG, by the name that materials use.
+    coloured: do single vertices or faces have colours, for which no target has a place?
     up_axis: as the file says, in COLLADA's words; None when it does not.
     """
 
@@ -57,6 +48,7 @@ class SourceMesh:
     findings: tuple[Finding, ...] = ()
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     up_axis: str | None = None
+    coloured: bool = False
 
 
 def group_by_material(
@@ -72,37 +64,6 @@ def group_by_material(
         look = material if material.rgba or material.texture else SurfaceMaterial()
         groups.setdefault(look, []).append(mesh)
         names.setdefault(look, material)
-    return tuple(MaterialPart(names[look], _joined(meshes)) for look, meshes in groups.items())
-
-
-def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
-    """One mesh of several; uv and normals survive when any has them."""
-    if len(meshes) == 1:
-        return meshes[0]
-    joined = merged(meshes)
-    uv: Array | None = None
-    normals: Array | None = None
-    if any(mesh.uv is not None for mesh in meshes):
-        uv = np.concatenate(
-            [m.uv if m.uv is not None else np.zeros((len(m.faces), 3, 2)) for m in meshes]
-        )
-    if any(mesh.normals is not None for mesh in meshes):
-        normals = np.concatenate(
-            [m.normals if m.normals is not None else corner_normals(m) for m in meshes]
-        )
-    return TriangleMesh(joined.vertices, joined.faces, uv, normals)
-
-
-def corner_normals(mesh: TriangleMesh) -> Array:
-    """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
-    return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
-
-
-def colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
-    """Told once per mesh file with colours of single vertices, which readers leave out."""
-    if has_colours:
-        yield VERTEX_COLOURS(
-            subject,
-            "colours of single vertices or faces are left out: no target has a place for them",
-            hint="give the mesh a material, or a texture",
-        )
+    return tuple(
+        MaterialPart(names[look], merged(meshes, surface=True)) for look, meshes in groups.items()
+    )

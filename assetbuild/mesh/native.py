@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
+from assetbuild.engine.confine import set_limits
 from assetbuild.mesh.triangles import TriangleMesh
 
 WALL_PER_CPU = 10.0
@@ -87,28 +88,15 @@ def _become_worker(
     os.dup2(output_end, 2)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGXCPU):
         signal.signal(number, signal.SIG_DFL)
-    _set_limits(limits)
+    cpu = max(1, math.ceil(limits.cpu_s))
+    # Above the soft limit SIGXCPU comes, which nothing else sends: SIGKILL would say no cause.
+    set_limits(limits.memory_mb, {resource.RLIMIT_CPU: (cpu, cpu + 2)})
     try:
         result.send(list(work()))
     except MemoryError:
         result.send(_too_large(limits))
     except Exception as error:
         result.send(("error", f"{type(error).__name__}: {error}"[:200]))
-
-
-def _set_limits(limits: NativeLimits) -> None:
-    with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - a plain read
-        mapped = int(file.read().split()[0]) * resource.getpagesize()
-    cpu = max(1, math.ceil(limits.cpu_s))
-    memory = mapped + limits.memory_mb * 1024 * 1024
-    for kind, soft, hard in (
-        (resource.RLIMIT_AS, memory, memory),
-        # Above the soft limit SIGXCPU comes, which nothing else sends: SIGKILL would say no cause.
-        (resource.RLIMIT_CPU, cpu, cpu + 2),
-        (resource.RLIMIT_CORE, 0, 0),
-    ):
-        with suppress(ValueError, OSError):  # a lower limit of the step's own stays
-            resource.setrlimit(kind, (soft, hard))
 
 
 def _collect(

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import functools
 import io
+import re
 import warnings
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +33,8 @@ from assetbuild.robot.pose import Array
 
 WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
 """Numbers that are read of each element: positions, texture coordinates, normals."""
+BLOCK = re.compile(rb"^(vn?|vt|f)[ \t].*\n(?:\1[ \t].*\n)*+|^.*\n", re.MULTILINE)
+"""Neighbouring lines of one kind that carries numbers, else any single line."""
 CHUNK = 4096
 """Lines that one format call writes: fast, and the format string stays small."""
 
@@ -60,53 +64,12 @@ def read_triangles(data: bytes, subject: str = "mesh") -> TriangleMesh:
 
     Raises StepError naming `subject` and the line where the text is not OBJ.
     """
-    piece = _read_own(data)
-    if piece is not None:
-        return piece
     obj = parse_obj(data, subject)
     meshes = [mesh for _, mesh in obj.parts]
     if len(meshes) == 1:
         return meshes[0]
     corners = [mesh.faces for mesh in meshes] or [np.zeros((0, 3), dtype=np.int64)]
     return TriangleMesh(obj.positions, np.concatenate(corners))
-
-
-def _read_own(data: bytes) -> TriangleMesh | None:
-    """A mesh in the layout of `obj_bytes`, read in a few passes; None for any other layout."""
-    uv_at, normals_at, faces_at = (data.find(key) + 1 for key in (b"\nvt ", b"\nvn ", b"\nf "))
-    starts = [0, *(at for at in (uv_at, normals_at) if at), faces_at]
-    if not data.startswith(b"v ") or not faces_at or starts != sorted(starts):
-        return None
-    ends = dict(zip(starts, [*starts[1:], len(data)], strict=True))
-    columns = 1 + bool(uv_at) + bool(normals_at)
-    vertices = _numbers(data[: ends[0]], 3)
-    uv = _numbers(data[uv_at : ends[uv_at]], 2) if uv_at else None
-    normals = _numbers(data[normals_at : ends[normals_at]], 3) if normals_at else None
-    corners = _numbers(data[faces_at:].replace(b"/", b" "), 3 * columns, np.int64)
-    if vertices is None or corners is None or (uv_at and uv is None):
-        return None
-    index = corners.reshape(-1, 3, columns) - 1
-    sizes = [len(table) for table in (vertices, uv, normals) if table is not None]
-    if len(sizes) != columns or (index < 0).any() or (index.max(axis=(0, 1)) >= sizes).any():
-        return None  # the careful reader says what is wrong, and where
-    return TriangleMesh(
-        vertices,
-        np.ascontiguousarray(index[:, :, 0]),
-        None if uv is None else uv[index[:, :, 1]],
-        None if normals is None else normals[index[:, :, columns - 1]],
-    )
-
-
-def _numbers(block: bytes, width: int, kind: type = np.float64) -> NDArray[Any] | None:
-    """Rows of `width` numbers, one a line after its keyword; None when a line differs."""
-    text = block.translate(None, b"vntf")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # of text that is no number
-            values: NDArray[Any] = np.fromstring(text, dtype=kind, sep=" ")
-    except (ValueError, DeprecationWarning):
-        return None
-    return values.reshape(-1, width) if values.size == width * block.count(b"\n") else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +89,15 @@ class Obj:
     lost: tuple[str, ...] = ()
 
 
-class _Face(NamedTuple):
-    """A face: its line, its corners as `v/vt/vn`, and how many of each were read before it."""
+class _Lines(NamedTuple):
+    """Neighbouring lines of one kind: the number of the first, how many, their text, and how many
+    elements of each table stand before them.
+    """
 
-    line: int
-    words: list[bytes]
-    so_far: tuple[int, int, int]
+    first: int
+    rows: int
+    text: bytes
+    so_far: tuple[int, ...]
 
 
 def parse_obj(data: bytes, subject: str) -> Obj:
@@ -139,38 +105,39 @@ def parse_obj(data: bytes, subject: str) -> Obj:
 
     Raises StepError naming `subject`, the line and the defect.
     """
-    tables: dict[bytes, list[bytes]] = {key: [] for key in WIDTHS}
-    faces: dict[str | None, list[_Face]] = {}
-    seen: dict[str, int] = {}
+    tables: dict[bytes, list[_Lines]] = {key: [] for key in WIDTHS}
+    faces: dict[str | None, list[_Lines]] = {}
+    seen: Counter[str] = Counter()
     libraries: list[str] = []
     material: str | None = None
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     if b"\\\n" in data or b"\\\r\n" in data:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-    for number, line in enumerate(data.split(b"\n"), start=1):
-        key, rest = (*line.split(None, 1), b"", b"")[:2]
+    number, so_far = 1, dict.fromkeys(WIDTHS, 0)
+    for match in BLOCK.finditer(data + b"\n"):
+        text = match[0]
+        key, rest = (match[1], b"") if match[1] else (*text.split(None, 1), b"", b"")[:2]
+        lines = _Lines(number, text.count(b"\n"), text, tuple(so_far.values()))
+        number += lines.rows
         if key == b"f":
-            words = rest.split()
-            if len(words) < 3:  # a line or a point, which readers leave out
-                seen["f"] = seen.get("f", 0) + 1
-                continue
-            so_far = (len(tables[b"v"]), len(tables[b"vt"]), len(tables[b"vn"]))
-            faces.setdefault(material, []).append(_Face(number, words, so_far))
+            faces.setdefault(material, []).append(lines)
         elif key in tables:
-            tables[key].append(rest)
+            tables[key].append(lines)
+            so_far[key] += lines.rows
         elif key == b"usemtl":
             material = rest.decode("utf-8", "replace").strip() or None
         elif key == b"mtllib":
             libraries.append(rest.decode("utf-8", "replace").strip())
         elif key in (b"l", b"p", b"curv", b"surf"):
-            seen[key.decode()] = seen.get(key.decode(), 0) + 1
-    read = [_table(tables[key], width, data, key, subject) for key, width in WIDTHS.items()]
-    surfaces = {name: _surface(rows, read, subject) for name, rows in faces.items()}
-    has_colours = bool(tables[b"v"]) and len(tables[b"v"][0].split()) >= 6
-    lost = sorted({kind for _, missing in surfaces.values() for kind in missing})
-    parts = tuple((name, mesh) for name, (mesh, _) in surfaces.items())
-    return Obj(read[0], parts, tuple(libraries), seen, has_colours, tuple(lost))
+            seen[key.decode()] += 1
+    read = [_table(tables[key], width, key, subject) for key, width in WIDTHS.items()]
+    surfaces = {name: _surface(blocks, read, subject) for name, blocks in faces.items()}
+    first = tables[b"v"][0].text.split(b"\n", 1)[0] if tables[b"v"] else b""
+    lost = sorted({kind for _, missing, _ in surfaces.values() for kind in missing})
+    parts = tuple((name, mesh) for name, (mesh, _, _) in surfaces.items() if len(mesh.faces))
+    seen["f"] = sum(bare for _, _, bare in surfaces.values())
+    return Obj(read[0], parts, tuple(libraries), dict(+seen), len(first.split()) > 6, tuple(lost))
 
 
 def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:
@@ -182,65 +149,65 @@ def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:
     return "".join(parts)
 
 
-def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: str) -> Array:
-    """The first `width` numbers of each row; the rest (weights, colours) is ignored."""
-    if not rows:
+def _table(blocks: Sequence[_Lines], width: int, key: bytes, subject: str) -> Array:
+    """The first `width` numbers of each line; the rest (weights, colours) is ignored."""
+    if not blocks:
         return np.zeros((0, width))
+    text = b"".join(lines.text for lines in blocks)
     with suppress(ValueError):  # the loop below says what is wrong, and where
-        values = np.loadtxt(rows, usecols=range(width), comments=None, ndmin=2)
-        if len(values) == len(rows):
-            return values
-    out = np.zeros((len(rows), width))
-    for number, row in enumerate(rows):
+        columns = range(1, width + 1)  # after the keyword
+        return np.loadtxt(io.BytesIO(text), usecols=columns, comments=None, ndmin=2)
+    rows = []
+    for line, words in _numbered(blocks):
         try:
             # A texture coordinate may come alone (`vt u`): v is 0 then.
-            coordinates = [float(word) for word in row.split()[:width]]
-            out[number, : len(coordinates)] = coordinates
+            row = [float(word) for word in words[1 : width + 1]]
         except ValueError:
-            coordinates = []
-        if not coordinates or (len(coordinates) < width and key != b"vt"):
-            line = _line_of(data, key, number)
-            text = row.decode("utf-8", "replace")[:40]
-            raise StepError(f"{subject}: line {line}: not {width} numbers: `{key.decode()} {text}`")
-    return out
+            row = []
+        if not row or (len(row) < width and key != b"vt"):
+            shown = b" ".join(words[1:]).decode("utf-8", "replace")[:40]
+            stated = f"{key.decode()} {shown}"
+            raise StepError(f"{subject}: line {line}: not {width} numbers: `{stated}`")
+        rows.append([*row, 0.0][:width])
+    return np.array(rows)
 
 
-def _line_of(data: bytes, key: bytes, number: int) -> int:
-    """Line, from 1, of element `number` (from 0) of a kind."""
-    count = -1
-    for line, text in enumerate(data.split(b"\n"), start=1):
-        if text.strip().partition(b" ")[0] == key:
-            count += 1
-            if count == number:
-                return line
-    return 0
+def _numbered(blocks: Sequence[_Lines]) -> Iterator[tuple[int, list[bytes]]]:
+    """(number, words) of each line."""
+    for lines in blocks:
+        for number, line in enumerate(lines.text.split(b"\n")[:-1], lines.first):
+            yield number, line.split()
 
 
 def _surface(
-    faces: Sequence[_Face], tables: Sequence[Array], subject: str
-) -> tuple[TriangleMesh, list[str]]:
+    blocks: Sequence[_Lines], tables: Sequence[Array], subject: str
+) -> tuple[TriangleMesh, list[str], int]:
     """The faces of one material; texture and normals only where all corners have them.
 
     tables: of positions, texture and normals. Also returns the kinds that faces name and the file
-    lacks: MuJoCo, assimp and PyBullet do without them.
+    lacks, which MuJoCo, assimp and PyBullet do without, and how many faces are but lines or points,
+    which readers leave out.
     """
-    counts = np.array([len(face.words) for face in faces], dtype=np.int64)
-    corners = _corners([word for face in faces for word in face.words])
-    if corners is None:
-        bad = next((face.line for face in faces if _corners(face.words) is None), 0)
-        raise StepError(f"{subject}: line {bad}: face indices are not whole numbers")
+    counts, corners = _corners(blocks, subject)
+    owner = np.repeat(np.arange(len(counts)), counts)
     if (corners < 0).any():  # they count back from what was read so far
-        so_far = np.repeat(np.array([face.so_far for face in faces]), counts, axis=0)
-        corners = np.where(corners < 0, corners + so_far + 1, corners)
+        rows = [lines.rows for lines in blocks]
+        so_far = np.repeat([lines.so_far for lines in blocks], rows, axis=0)
+        corners = np.where(corners < 0, corners + so_far[owner] + 1, corners)
+    kept = counts >= 3
+    if not kept.all():
+        corners, owner, counts = corners[kept[owner]], owner[kept[owner]], counts[kept]
     outside = (corners[:, 0] < 1) | (corners[:, 0] > len(tables[0]))
     if outside.any():
         at = int(np.argmax(outside))
-        line = int(np.repeat([face.line for face in faces], counts)[at])
+        line = [number for number, _ in _numbered(blocks)][owner[at]]
         raise StepError(
             f"{subject}: line {line}: index {corners[at, 0]} of `v`, there are {len(tables[0])}"
         )
-    points = tables[0][corners[:, 0] - 1]
-    cut = with_short_diagonals(polygon_triangles(counts, points), counts, points)
+    cut = np.arange(len(corners)).reshape(-1, 3) if (counts == 3).all() else None
+    if cut is None:
+        points = tables[0][corners[:, 0] - 1]
+        cut = with_short_diagonals(polygon_triangles(counts, points), counts, points)
     picked: list[Array | None] = []
     lost = []
     for kind, table, column in zip(("vt", "vn"), tables[1:], corners.T[1:], strict=True):
@@ -249,26 +216,41 @@ def _surface(
             lost.append(kind)
         is_whole = kind not in lost and (column > 0).all()
         picked.append(table[column[cut] - 1] if is_whole else None)
-    return TriangleMesh(tables[0], corners[cut, 0] - 1, *picked), lost
+    mesh = TriangleMesh(tables[0], corners[cut, 0] - 1, *picked)
+    return mesh, lost, int((~kept).sum())
 
 
-def _corners(words: Sequence[bytes]) -> Indices | None:
-    """(k, 3) indices v/vt/vn from 1, 0 = absent; None when a word is no index."""
-    text = b" ".join(words)
-    out = np.zeros((len(words), 3), dtype=np.int64)
-    try:
-        slashes = words[0].count(b"/")
-        if all(word.count(b"/") == slashes for word in words):
-            filled = text.replace(b"//", b"/0/").replace(b"/", b" ").split()
-            if len(filled) == len(words) * (slashes + 1):
-                out[:, : slashes + 1] = np.array(filled, dtype=np.int64).reshape(len(words), -1)
-                return out
-        for number, word in enumerate(words):
-            values = [int(part or 0) for part in word.split(b"/")[:3]]
-            out[number, : len(values)] = values
-    except (ValueError, OverflowError):
-        return None
-    return out
+def _corners(blocks: Sequence[_Lines], subject: str) -> tuple[Indices, Indices]:
+    """(corners of each face, (k, 3) indices v/vt/vn of all of them from 1, 0 = absent)."""
+    text = b"".join(lines.text for lines in blocks)
+    codes = np.frombuffer(b"\n" + text, dtype=np.uint8)
+    is_blank = codes <= ord(" ")
+    begins = np.flatnonzero(is_blank[:-1] & ~is_blank[1:]) + 1  # of words
+    counts = np.diff(np.searchsorted(begins, np.flatnonzero(codes == ord("\n")))) - 1
+    slashes = np.flatnonzero(codes == ord("/"))
+    each = len(slashes) // max(int(counts.sum()), 1)
+    in_word = np.diff(np.searchsorted(slashes, begins), append=len(slashes))
+    is_uniform = int((in_word == each).sum()) == counts.sum() + (len(counts) if not each else 0)
+    if is_uniform and each < 3 and text.count(b"f") == len(counts):
+        numbers = text.translate(None, b"f").replace(b"//", b"/0/").replace(b"/", b" ")
+        with suppress(ValueError, DeprecationWarning), warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # of text that is no number
+            values = np.fromstring(numbers, dtype=np.int64, sep=" ")
+            if values.size == counts.sum() * (each + 1):
+                values = values.reshape(-1, each + 1)
+                return counts, np.pad(values, ((0, 0), (0, 2 - each)))
+    rows: list[list[list[int]]] = []  # of words that name different things, or none
+    for number, (_, *words) in _numbered(blocks):
+        named = words if len(words) > 2 else [b""] * len(words)
+        try:
+            parts = ([int(part or 0) for part in word.split(b"/")[:3]] for word in named)
+            rows.append([[*part, 0, 0][:3] for part in parts])
+            np.array(rows[-1], dtype=np.int64)
+        except (ValueError, OverflowError) as error:
+            message = f"{subject}: line {number}: face indices are not whole numbers"
+            raise StepError(message) from error
+    corners = [corner for row in rows for corner in row]
+    return np.array([len(row) for row in rows]), np.array(corners, dtype=np.int64).reshape(-1, 3)
 
 
 SUFFIX = ".npz"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,6 +181,47 @@ class Movable:
         longest = 2.0 * size if isinstance(self._primitive, Capsule | Cylinder) else size
         sizes = [(-size, size)] * (len(self._sizes) - 1) + [(-longest, size)]
         return [(-shift, shift)] * 3 + [(-turn, turn)] * 3 + sizes
+
+
+def refined(
+    fits: Sequence[Fitted],
+    points: Array,
+    scale: float,
+    cost: Callable[[Array], tuple[float, Array]],
+    steps: int,
+    unit: float = 1.0,
+) -> list[Fitted]:
+    """The primitives whose union costs least, by L-BFGS-B within BOUNDS; `fits` if none is better.
+
+    points, scale: as in `Movable`; cost: of the signed distances (n,) of the union, m, and its
+    slope by each, counted in this unit. A point's distance, and so its slope, is that of the
+    nearest primitive.
+    """
+    from scipy.optimize import minimize
+
+    ways = [Movable(fitted, points, scale) for fitted in fits]
+    ends = np.cumsum([way.count for way in ways])[:-1]
+
+    def total(x: Array) -> tuple[float, Array]:
+        moves = [*zip(ways, np.split(x, ends), strict=True)]
+        each = np.array([way.distance(move) for way, move in moves])
+        nearest = np.argmin(each, axis=0)
+        here, by_distance = cost(each.min(axis=0))
+        slopes = [
+            by_distance[nearest == number] @ way.slope(move, nearest == number)
+            for number, (way, move) in enumerate(moves)
+        ]
+        return here / unit, np.concatenate(slopes) / unit
+
+    start = np.zeros(sum(way.count for way in ways))
+    bounds = [bound for way in ways for bound in way.bounds()]
+    result = minimize(
+        total, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": steps}
+    )
+    if not float(result.fun) < total(start)[0]:
+        return list(fits)
+    x = np.asarray(result.x, dtype=np.float64)
+    return [way.body(move) for way, move in zip(ways, np.split(x, ends), strict=True)]
 
 
 def _turned_rotation(vector: Array) -> Array:

@@ -50,6 +50,11 @@ class Across:
         self._axes = _axes(np.asarray(direction, dtype=np.float64))
         points = (along(mesh.vertices, axis) for axis in self._axes)
         self._corners = tuple(values[mesh.faces] for values in points)
+        self._boxes = _ends(self._corners[0]), _ends(self._corners[1])  # of x, of y
+        self._bounds = (
+            np.array([least.min(initial=np.inf) for least, _ in self._boxes]),
+            np.array([most.max(initial=-np.inf) for _, most in self._boxes]),
+        )
 
     def strike(self, origins: Array) -> Struck:
         """All that rays from origins (n, 3) strike ahead of them and behind, m."""
@@ -67,17 +72,6 @@ class Across:
         depth = seen.height(x[rays], y[rays], faces) - z[rays]
         order = np.lexsort((depth, rays))
         return Struck(rays[order], depth[order], (seen.slopes[2][faces] < 0.0)[order])
-
-    @cached_property
-    def _boxes(self) -> tuple[Ends, Ends]:
-        """((least, greatest) x, (least, greatest) y) of each triangle."""
-        return _ends(self._corners[0]), _ends(self._corners[1])
-
-    @cached_property
-    def _bounds(self) -> tuple[Array, Array]:
-        """(2,) corners of the picture."""
-        lower = np.array([least.min(initial=np.inf) for least, _ in self._boxes])
-        return lower, np.array([most.max(initial=-np.inf) for _, most in self._boxes])
 
 
 class _Triangles:
@@ -162,16 +156,16 @@ class _Cells:
         wanted = min(CELLS * len(self._rays), triangles)
         self._side = int(np.clip(wanted**0.5, LEAST_CELLS, MOST_CELLS))
         self._size = np.maximum(upper - self._lower, 1e-300) / self._side
-        cells = self._row(y[self._rays]) * self._side + self._column(x[self._rays])
+        cells = self._cell(y[self._rays], 1) * self._side + self._cell(x[self._rays], 0)
         self._rays = self._rays[np.argsort(cells, kind="stable")]
         self._x = x[self._rays]
         self._counts = np.bincount(cells, minlength=self._side**2)
 
-    def _column(self, x: Array) -> Indices:
-        return _cell(x, self._lower[0], self._size[0], self._side)
-
-    def _row(self, y: Array) -> Indices:
-        return _cell(y, self._lower[1], self._size[1], self._side)
+    def _cell(self, values: Array, axis: int) -> Indices:
+        """Column (axis 0) of each x, or row (axis 1) of each y."""
+        place = (values - self._lower[axis]) / self._size[axis]
+        cells: Indices = np.clip(place, 0, self._side - 1).astype(np.int64)
+        return cells
 
     def met(self, across: Ends, up: Ends) -> Indices:
         """Numbers of the triangles whose box shares a cell with a ray: no other can be struck."""
@@ -180,16 +174,16 @@ class _Cells:
         table[1:, 1:] = counts.cumsum(axis=0).cumsum(axis=1)
         flat, width = table.ravel(), self._side + 1
         near = NEAR * self._size[0]
-        left, right = self._column(across[0] - near), self._column(across[1] + near)
-        below, above = self._row(up[0]) * width, (self._row(up[1]) + 1) * width
+        left, right = self._cell(across[0] - near, 0), self._cell(across[1] + near, 0)
+        below, above = self._cell(up[0], 1) * width, (self._cell(up[1], 1) + 1) * width
         rays = flat[above + right + 1] - flat[above + left]
         rays -= flat[below + right + 1] - flat[below + left]
         return np.flatnonzero(rays)
 
     def pairs(self, triangles: _Triangles) -> tuple[Indices, Indices]:
         """(rays, triangles) that share a cell, by the numbers of both."""
-        first = self._row(triangles.up[0])
-        rows = self._row(triangles.up[1]) - first + 1
+        first = self._cell(triangles.up[0], 1)
+        rows = self._cell(triangles.up[1], 1) - first + 1
         faces = np.repeat(np.arange(len(rows)), rows)
         row = np.repeat(first, rows) + _within(rows)
         left, right = (values[faces] for values in triangles.across)
@@ -199,8 +193,8 @@ class _Cells:
         near = NEAR * self._size[0]
         left, right = left - near, right + near
         starts = np.concatenate([[0], np.cumsum(self._counts)])
-        start = starts[row * self._side + self._column(left)]
-        counts = starts[row * self._side + self._column(right) + 1] - start
+        start = starts[row * self._side + self._cell(left, 0)]
+        counts = starts[row * self._side + self._cell(right, 0) + 1] - start
         entry = np.repeat(np.arange(len(row)), counts)
         ray = start[entry] + _within(counts)
         kept = np.flatnonzero((left[entry] <= self._x[ray]) & (self._x[ray] <= right[entry]))
@@ -225,10 +219,6 @@ def _axes(direction: Array) -> tuple[Array, Array, Array]:
     across = np.cross(forward, np.eye(3)[int(np.argmin(np.abs(forward)))])
     across /= np.sqrt((across * across).sum())
     return across, np.cross(forward, across), forward
-
-
-def _cell(values: Array, lower: float, size: float, side: int) -> Indices:
-    return np.clip((values - lower) / size, 0, side - 1).astype(np.int64)
 
 
 def _within(counts: Indices) -> Indices:
@@ -266,27 +256,18 @@ def widest_hole(mesh: TriangleMesh) -> float:
     u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
     most = 0
     for direction in np.concatenate([np.eye(3), principal]):
-        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-        first /= np.linalg.norm(first)
-        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
+        first, second, forward = _axes(direction)
+        origins = middle - reach * forward + u * first + v * second
         most = max(most, _enclosed(missed(origins, Across(mesh, direction))))
     return float(most * (reach / GRID) ** 2)
 
 
 def _enclosed(through: NDArray[np.bool_]) -> int:
     """Rays of the largest patch that does not reach the edge of the picture; 0 = a slit at most."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy.ndimage import label
 
-    number = np.arange(GRID * GRID).reshape(GRID, GRID)
-    ends = [(number[:, :-1], number[:, 1:]), (number[:-1], number[1:])]
-    left, right = (
-        np.concatenate([end.ravel() for end in side]) for side in zip(*ends, strict=True)
-    )
-    both = through[left] & through[right]
-    joined = coo_array((both[both], (left[both], right[both])), shape=(GRID * GRID,) * 2)
-    _, patches = connected_components(joined, directed=False)
-    at_edge = np.concatenate([number[[0, -1]].ravel(), number[:, [0, -1]].ravel()])
-    sizes = np.bincount(patches)
-    sizes[patches[at_edge]] = 0
+    patches, _ = label(through.reshape(GRID, GRID))
+    sizes = np.bincount(patches.ravel())
+    sizes[0] = 0  # no patch: rays that strike something
+    sizes[patches[[0, -1]]] = sizes[patches[:, [0, -1]]] = 0
     return int(sizes.max()) if sizes.max() >= LEAST else 0

@@ -24,11 +24,11 @@ from assetbuild.mesh.material import (
     Rgba,
     SourceMesh,
     SurfaceMaterial,
-    colours_finding,
     group_by_material,
 )
 from assetbuild.mesh.obj import Obj, parse_obj
-from assetbuild.mesh.triangles import TriangleMesh, polygon_triangles
+from assetbuild.mesh.triangles import Indices, TriangleMesh, polygon_triangles
+from assetbuild.robot.pose import Array
 
 Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf"]
 BY_TRIMESH: tuple[Format, ...] = ("ply", "glb", "gltf")
@@ -46,6 +46,12 @@ UP_AXIS = Rule(
     "the file names an up axis other than Z, which is ignored, or honoured where the recipe says "
     "so",
     "look at the robot; many files name the wrong axis",
+)
+VERTEX_COLOURS = Rule(
+    "mesh.vertex_colours",
+    "info",
+    "colours of single vertices were left out",
+    "give the mesh a material, or a texture",
 )
 NO_MTL = Rule(
     "mesh.no_mtl",
@@ -77,42 +83,36 @@ def read_mesh(
     refuse_pointer(data, subject)
     for name, content in (companions or {}).items():
         refuse_pointer(content, name)
-    if format == "dae":
-        mesh = read_dae(data, subject)
-    elif format == "obj":
+    if format == "obj":
         mesh = _read_obj(data, companions or {}, subject)
     elif format in ("glb", "gltf"):
         mesh = read_gltf(data, format, companions or {}, subject)
-    elif format == "ply":
-        mesh = _read_ply(data, subject)
     else:
-        triangles, findings = read_stl(data, subject)
-        mesh = SourceMesh((MaterialPart(SurfaceMaterial(), triangles),), findings)
-    if mesh.up_axis is not None and mesh.up_axis in TO_Z_UP:
-        parts, finding = _turned(mesh.parts, mesh.up_axis, up_axis, subject)
-        mesh = replace(mesh, parts=parts, findings=(*mesh.findings, finding))
-    else:
-        mesh = replace(mesh, up_axis=None)
+        mesh = {"dae": read_dae, "ply": _read_ply, "stl": _read_stl}[format](data, subject)
+    if mesh.coloured:
+        message = "colours of single vertices or faces are left out: no target has a place for them"
+        colours = VERTEX_COLOURS(subject, message, "give the mesh a material, or a texture")
+        mesh = replace(mesh, findings=(*mesh.findings, colours))
+    mesh = _upright(mesh, up_axis, subject)
     _refuse_unusable(mesh.parts, subject)
     return mesh
 
 
-def _turned(
-    parts: tuple[MaterialPart, ...], stated: str, up_axis: UpAxis, subject: str
-) -> tuple[tuple[MaterialPart, ...], Finding]:
-    finding = UP_AXIS(
-        subject,
-        f"the file declares {stated}: "
-        + ("ignored, coordinates are used as they are" if up_axis == "ignore" else "turned to Z"),
-        hint="if it lies on its side, name it in `source.honour_up_axis`"
-        if up_axis == "ignore"
-        else "",
-        data={"stated": stated, "honoured": up_axis == "honour"},
-    )
-    if up_axis == "ignore":
-        return parts, finding
+def _upright(mesh: SourceMesh, up_axis: UpAxis, subject: str) -> SourceMesh:
+    """The mesh with Z up where that is honoured, and what is said of another axis."""
+    stated, honoured = mesh.up_axis or "", up_axis == "honour"
+    if stated not in TO_Z_UP:
+        return replace(mesh, up_axis=None)
+    what = "turned to Z" if honoured else "ignored, coordinates are used as they are"
+    hint = "" if honoured else "if it lies on its side, name it in `source.honour_up_axis`"
+    message = f"the file declares {stated}: {what}"
+    finding = UP_AXIS(subject, message, hint, data={"stated": stated, "honoured": honoured})
+    mesh = replace(mesh, findings=(*mesh.findings, finding))
+    if not honoured:
+        return mesh
     turn = np.array(TO_Z_UP[stated], dtype=np.float64)
-    return tuple(MaterialPart(p.material, p.mesh.mapped(turn)) for p in parts), finding
+    parts = tuple(replace(part, mesh=part.mesh.mapped(turn)) for part in mesh.parts)
+    return replace(mesh, parts=parts)
 
 
 def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
@@ -141,12 +141,11 @@ def _read_obj(data: bytes, companions: Mapping[str, bytes], subject: str) -> Sou
             materials.update(_materials_of(companions[name], posixpath.dirname(name)))
         else:
             missing.append(stated)
-    placed = []
-    for material, mesh in obj.parts:
-        placed.append((materials.get(material or "", SurfaceMaterial(name=material)), mesh))
-    findings = _obj_findings(sorted(missing), obj, subject)
-    coloured = colours_finding(obj.has_colours, subject)
-    return SourceMesh(group_by_material(placed), (*findings, *coloured))
+    placed = [
+        (materials.get(name or "", SurfaceMaterial(name=name)), mesh) for name, mesh in obj.parts
+    ]
+    findings = tuple(_obj_findings(sorted(missing), obj, subject))
+    return SourceMesh(group_by_material(placed), findings, coloured=obj.has_colours)
 
 
 def _obj_findings(missing: list[str], obj: Obj, subject: str) -> Iterator[Finding]:
@@ -226,10 +225,15 @@ def _read_ply(data: bytes, subject: str) -> SourceMesh:
         corners = polygons.reshape(-1)
         counts = np.full(len(polygons), polygons.shape[1])
         polygons = corners[polygon_triangles(counts, vertices[corners])]
-    mesh = TriangleMesh(vertices, polygons.reshape(-1, 3))
-    colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
-    part = MaterialPart(SurfaceMaterial(), mesh)
-    return SourceMesh((part,), tuple(colours_finding(colours, subject)))
+    coloured = read.get("vertex_colors") is not None or read.get("face_colors") is not None
+    return _bare(vertices, polygons.reshape(-1, 3), coloured=coloured)
+
+
+def _bare(vertices: Array, faces: Indices | None = None, **said: Any) -> SourceMesh:
+    """A mesh without a material; without faces each three vertices are one."""
+    if faces is None:
+        faces = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
+    return SourceMesh((MaterialPart(SurfaceMaterial(), TriangleMesh(vertices, faces)),), **said)
 
 
 # --- STL --------------------------------------------------------------------------------------
@@ -242,7 +246,7 @@ CORNER = re.compile(rb"\bvertex" + 3 * NUMBER)
 """A corner of a text STL in lower case; `nan` and `inf` are refused later, with all the others."""
 
 
-def read_stl(data: bytes, subject: str) -> tuple[TriangleMesh, tuple[Finding, ...]]:
+def _read_stl(data: bytes, subject: str) -> SourceMesh:
     """The triangles of an STL file, not welded; its normals follow from the winding.
 
     76 of 410 real binary files begin with `solid`: 84 + 50 n == size decides. Up to 49 bytes more
@@ -256,10 +260,10 @@ def read_stl(data: bytes, subject: str) -> tuple[TriangleMesh, tuple[Finding, ..
         corners = np.frombuffer(data, dtype=RECORD, offset=HEADER + 4, count=count)["corners"]
         message = f"{stray} bytes after the last of {count} triangles are left out"
         findings = (STRAY(subject, message, hint="save the file again"),) if stray else ()
-        return _soup(corners.astype(np.float64).reshape(-1, 3)), findings
+        return _bare(corners.astype(np.float64).reshape(-1, 3), findings=findings)
     begin = data[:512].removeprefix(codecs.BOM_UTF8).lstrip().lower()
     if begin.startswith(b"solid") and b"facet" in data[:4096].lower():
-        return _read_text(data, subject), ()
+        return _read_text(data, subject)
     if count < 0:
         raise StepError(f"{subject}: {len(data)} bytes are too few for an STL file")
     raise StepError(
@@ -271,7 +275,7 @@ def read_stl(data: bytes, subject: str) -> tuple[TriangleMesh, tuple[Finding, ..
     )
 
 
-def _read_text(data: bytes, subject: str) -> TriangleMesh:
+def _read_text(data: bytes, subject: str) -> SourceMesh:
     data = data.lower()
     if b"endsolid" not in data[-512:]:
         line = data.count(b"\n") + 1
@@ -282,9 +286,4 @@ def _read_text(data: bytes, subject: str) -> TriangleMesh:
         raise StepError(f"{subject}: not a text STL: {error}") from error
     if 3 * data.count(b"endfacet") != len(corners):
         raise StepError(f"{subject}: {data.count(b'endfacet')} facets, {len(corners)} corners")
-    return _soup(np.array(corners, dtype=np.float64).reshape(-1, 3))
-
-
-def _soup(corners: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> TriangleMesh:
-    faces = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
-    return TriangleMesh(corners, faces)
+    return _bare(np.array(corners, dtype=np.float64).reshape(-1, 3))

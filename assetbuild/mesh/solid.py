@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.errors import StepError
-from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
+from assetbuild.mesh.hull import beyond, hull_or_points, hull_planes
 from assetbuild.mesh.primitives import from_faces, signed_distance, tessellate
 from assetbuild.mesh.rays import Across, Struck
 from assetbuild.mesh.triangles import TriangleMesh
@@ -36,6 +35,7 @@ class Solid:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
         self._closed = mesh.is_closed
         self._same = SAME * mesh.diagonal
         self._views = functools.lru_cache(lambda ray: Across(mesh, np.asarray(ray)))
@@ -97,20 +97,19 @@ def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
     X_solid_body = X_body_solid.inverse()
     if not isinstance(solid, np.ndarray):
         return lambda points: signed_distance(solid, X_solid_body.apply(points))
-    try:
-        outside = beyond_hull(convex_hull(solid))
-    except StepError:  # flat: no inside
-        lower, upper = solid.min(axis=0), solid.max(axis=0)
-        return lambda points: beyond_box(lower, upper, X_solid_body.apply(points))
+    outside = beyond_hull(hull_or_points(solid))
     return lambda points: outside(X_solid_body.apply(points))
 
 
 def beyond_hull(hull: TriangleMesh) -> Distance:
-    """Signed distance from a convex mesh; outside an edge as `distance_to`."""
+    """Signed distance from a convex mesh, or from points without faces, as in `distance_to`."""
+    if not len(hull.faces):
+        box = np.array([hull.vertices.min(axis=0), hull.vertices.max(axis=0)])
+        return lambda points: beyond_box(box, points)
     planes = hull_planes(hull)
     return lambda points: beyond(planes, points)
 
 
-def beyond_box(lower: Array, upper: Array, points: Array) -> Array:
-    """(n,) distance of each point from a box, m; zero in it."""
-    return np.maximum(from_faces(np.maximum(lower - points, points - upper)), 0.0)
+def beyond_box(box: Array, points: Array) -> Array:
+    """(n,) distance of each of points (n, 3) from a box (2, 3), m; zero in it."""
+    return np.maximum(from_faces(np.maximum(box[0] - points, points - box[1])), 0.0)

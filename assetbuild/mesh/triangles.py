@@ -32,11 +32,16 @@ class TriangleMesh:
     normals: Array | None = None
 
     @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
+    def is_used(self) -> NDArray[np.bool_]:
+        """(n,) which vertices faces use."""
         is_used = np.zeros(len(self.vertices), dtype=bool)
         is_used[self.faces] = True
-        used = self.vertices[is_used]
+        return is_used
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
+        used = self.vertices[self.is_used]
         return used.min(axis=0), used.max(axis=0)
 
     @property
@@ -124,17 +129,28 @@ class TriangleMesh:
         return self.mapped(np.diag(scale))
 
 
-def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
-    """All faces in one mesh, in order; vertices are not welded; texture and normals are left."""
-    if len(meshes) == 1 and meshes[0].uv is None and meshes[0].normals is None:
+def merged(meshes: Sequence[TriangleMesh], *, surface: bool = False) -> TriangleMesh:
+    """All faces in one mesh, in order; vertices are not welded.
+
+    surface: texture coordinates and normals survive when any mesh has them; else they are left out.
+    """
+    if len(meshes) == 1 and (surface or (meshes[0].uv is None and meshes[0].normals is None)):
         return meshes[0]
-    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     if not meshes:
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
-    return TriangleMesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + k for mesh, k in zip(meshes, offsets, strict=False)]),
-    )
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    faces = np.concatenate([mesh.faces + k for mesh, k in zip(meshes, offsets, strict=False)])
+    uv = normals = None
+    if surface and any(mesh.uv is not None for mesh in meshes):
+        uv = np.concatenate(
+            [np.zeros((len(m.faces), 3, 2)) if m.uv is None else m.uv for m in meshes]
+        )
+    if surface and any(mesh.normals is not None for mesh in meshes):
+        normals = np.concatenate(
+            [corner_normals(mesh) if mesh.normals is None else mesh.normals for mesh in meshes]
+        )
+    return TriangleMesh(vertices, faces, uv, normals)
 
 
 def spanned(triangles: Array) -> Array:
@@ -152,6 +168,11 @@ def unit_vectors(vectors: Array) -> Array:
 def face_normals(mesh: TriangleMesh) -> Array:
     """(m, 3) unit normals of the faces; zero for degenerate ones."""
     return unit_vectors(spanned(mesh.corners))
+
+
+def corner_normals(mesh: TriangleMesh) -> Array:
+    """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
+    return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
 
 
 TURNED = 1e-9
@@ -313,13 +334,11 @@ def in_order(rows: NDArray[Any]) -> tuple[Indices, NDArray[np.bool_]]:
 
 def weld(mesh: TriangleMesh) -> TriangleMesh:
     """Vertices that are exactly equal become one, unused ones go; faces are all kept."""
-    is_used = np.zeros(len(mesh.vertices), dtype=bool)
-    is_used[mesh.faces] = True
-    used = mesh.vertices[is_used]
+    used = mesh.vertices[mesh.is_used]
     first, number = first_seen(used)
     if len(first) == len(mesh.vertices) and not np.signbit(used[used == 0.0]).any():
         return mesh
-    faces = number[(np.cumsum(is_used) - 1)[mesh.faces]]
+    faces = number[(np.cumsum(mesh.is_used) - 1)[mesh.faces]]
     return replace(mesh, vertices=used[first] + 0.0, faces=faces)
 
 

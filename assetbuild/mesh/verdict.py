@@ -104,11 +104,8 @@ def verdict(
     """
     if flat := quality.flat:
         made = flat + quality.pieces
-        message, data = (
-            f"{flat} of {made} pieces are flat and left out",
-            {"flat": flat, "pieces": made},
-        )
-        yield FLAT_PIECE(subject, message, data=data)
+        message = f"{flat} of {made} pieces are flat and left out"
+        yield FLAT_PIECE(subject, message, data={"flat": flat, "pieces": made})
     yield _gap(subject, reference, quality, how)
     if quality.missing > MISSING:
         message = f"{100 * quality.missing:.0f} % of the volume has no collision"

@@ -34,7 +34,6 @@ class VHacdOptions(Model):
 def vhacd_parts(
     mesh: TriangleMesh,
     options: VHacdOptions,
-    *,
     max_hulls: int,
     max_vertices: int,
     limits: NativeLimits,

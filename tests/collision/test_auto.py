@@ -117,9 +117,7 @@ def test_what_cuts_miss_by_far_is_left_to_no_library_in_a_dense_mesh_without_a_h
     tmp_path, monkeypatch
 ):
     monkeypatch.setattr(ladder, "CLEAN_FACES", 0)
-    monkeypatch.setattr(
-        "assetbuild.collision.vhacd_parts", lambda *_, **__: pytest.fail("V-HACD was started")
-    )
+    monkeypatch.setattr(ladder, "vhacd_parts", lambda *_, **__: pytest.fail("V-HACD was started"))
     count, findings = fit(tmp_path, Auto(sources=MESH, max_hulls=1, **TIGHT), L_SHAPE)
     assert count == 1
     assert "collision.tolerance" in findings
@@ -184,7 +182,7 @@ def test_a_library_that_fails_leaves_a_finding_and_the_next_rung(tmp_path, monke
     assert count == 2
     said = findings["collision.library_failed"]
     assert said.data == {"library": "CoACD", "cause": cause, "instead": "vhacd"}
-    monkeypatch.setattr("assetbuild.collision.vhacd_parts", fails)
+    monkeypatch.setattr(ladder, "vhacd_parts", fails)
     count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "two")
     assert count == 1
     assert findings["collision.library_failed"].data["instead"] == "hull"

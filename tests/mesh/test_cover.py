@@ -17,7 +17,7 @@ from assetbuild.mesh.cover import (
     union_of,
 )
 from assetbuild.mesh.cut import DIRECTIONS, cut_parts, tips
-from assetbuild.mesh.hull import convex_hull, polygon_count
+from assetbuild.mesh.hull import capped, convex_hull, polygon_count
 from assetbuild.mesh.merge import hulls_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
@@ -209,11 +209,11 @@ def test_more_parts_cover_less_that_is_outside():
 
 def test_a_ball_counts_its_polygons_and_keeps_the_cap():
     ball = tessellate(Sphere(0.5)).vertices
-    hull = convex_hull(ball, max_vertices=64, max_polygons=64)
+    hull = capped(convex_hull(ball), 64, 64)
     assert polygon_count(hull) <= 64
     assert 30 <= len(hull.vertices) <= 64
     assert polygon_count(UNIT) == 6
-    assert len(convex_hull(UNIT.vertices, max_vertices=64, max_polygons=64).vertices) == 8
+    assert len(capped(convex_hull(UNIT.vertices), 64, 64).vertices) == 8
 
 
 def test_a_probe_in_the_portal_tells_who_closes_it():

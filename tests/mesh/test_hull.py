@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from assetbuild.errors import StepError
+from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit_many import Cloud
-from assetbuild.mesh.hull import convex_hull, polygon_count
-from assetbuild.mesh.hulls import common_hull, hull_or_points, read_meshes, write_meshes
+from assetbuild.mesh.hull import convex_hull, hull_or_points, polygon_count
+from assetbuild.mesh.hulls import common_hull, read_meshes, write_meshes
 from assetbuild.mesh.primitives import (
     distance_slopes,
     resized,
@@ -149,8 +150,7 @@ def test_slopes_are_those_of_the_distance(primitive: Primitive):
 def test_the_score_of_a_union_slopes_as_it_changes():
     # Any distances of any cloud: the score is a function of them alone.
     rng = np.random.default_rng(1)
-    inside = rng.random(4096) < 0.3
-    cloud = Cloud(np.zeros((5120, 3)), inside, rng.random(4096), 2.0)
+    cloud = Cloud(Reference(tessellate(Box((2.0, 1.0, 1.0)))))
     distance = rng.normal(0.0, 0.05, 5120)
     _, slope = cloud.soft_score(distance, 0.02)
     direction = rng.normal(0.0, 1.0, 5120)

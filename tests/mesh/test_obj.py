@@ -134,11 +134,3 @@ def test_negative_indices_count_back_in_each_table_for_itself():
     ((_, mesh),) = parse_obj(text, "mesh").parts
     assert mesh.faces.tolist() == [[0, 1, 2]]
     assert mesh.uv.tolist() == [[[0, 0]] * 3]
-
-
-def test_the_quick_and_the_careful_reader_agree():
-    rng = np.random.default_rng(1)
-    mesh = TriangleMesh(rng.random((4, 3)), TRIANGLES, None, rng.random((2, 3, 3)))
-    data = obj_bytes(mesh)
-    careful = read_triangles(b"# a comment makes it somebody else's\n" + data)
-    assert obj_bytes(careful) == data

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from assetbuild.collision.spheres import covering_spheres, distances
+from assetbuild.collision.spheres import covering_spheres
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, union_of
@@ -148,9 +148,11 @@ def _share_within(reference: Reference, centres: Array, radii: Array) -> float:
 
     centres: (n, 3) m; radii: (n,) m.
     """
+    from scipy.spatial.distance import cdist
+
     cloud = sobol(POINTS, *reference.mesh.bounds, seed=1)
     inside = cloud[reference.solid.contains(cloud)]
-    return float((distances(inside, centres) <= radii).any(axis=1).mean())
+    return float((cdist(inside, centres) <= radii).any(axis=1).mean())
 
 
 def _pieces(shapes: tuple[Shape, ...], robot: RobotFiles) -> Iterator[ConvexPiece]:
