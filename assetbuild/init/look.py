@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import astuple, dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import get_args
 
@@ -22,7 +21,6 @@ from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.draft import Draft, patterns_of, plain, some
 from assetbuild.init.source import UrdfSource
 from assetbuild.mesh.companions import companions_of, format_of
-from assetbuild.mesh.hull import refuse_flat
 from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.primitives import tessellate
@@ -37,7 +35,6 @@ from assetbuild.robot.contradictions import (
     contradictions,
     twins_apart,
 )
-from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array, vec3
@@ -53,7 +50,7 @@ class InspectedRobot:
 
     source_findings: what the reader of the source said. planar: joints of the source that are split
     into joints of one coordinate, which all formats hold. root: folder of the source's files.
-    turned: paths of the meshes that the recipe turns as their files say.
+    turned: paths of the meshes that the recipe turns as their files say. hulls: see `hull_of`.
     """
 
     links: Tree
@@ -65,6 +62,7 @@ class InspectedRobot:
     planar: tuple[str, ...] = ()
     root: Path = Path()
     turned: frozenset[str] = frozenset()
+    hulls: dict[SourceGeometry, Extent | None] = field(default_factory=dict, compare=False)
 
     @property
     def unranged(self) -> tuple[str, ...]:
@@ -106,30 +104,45 @@ class InspectedRobot:
             if clouds:
                 yield np.concatenate(clouds)
 
-    def is_flat(self, mesh: MeshFile) -> bool:
-        """Whether the mesh can be read and spans no volume."""
-        points = points_of(self.root, mesh)
-        try:
-            if points is not None:
-                refuse_flat(points, "points")
-        except StepError:
-            return True
-        return False
+    def hull_of(self, geometry: SourceGeometry) -> Extent | None:
+        """What the geometry spans, in the frame of its shape; None where it cannot be read."""
+        if geometry not in self.hulls:
+            points = points_of(self.root, geometry)
+            self.hulls[geometry] = None if points is None else extent_of([points])
+        return self.hulls[geometry]
+
+    def is_flat(self, geometry: SourceGeometry) -> bool:
+        """Whether it can be read and spans no volume."""
+        hull = self.hull_of(geometry)
+        return hull is not None and not hull.volume_m3 > 0.0
+
+    def extents(self, tree: Tree) -> dict[str, Extent]:
+        """What the shapes of each body occupy, where all of them can be read.
+
+        tree: the robot's links, or its merged bodies.
+        """
+        clouds: dict[str, list[Array]] = {}
+        unread = set()
+        for shape in self.shapes.shapes:
+            body, X_body_link = tree.placement(shape.link)
+            hull = self.hull_of(shape.geometry)
+            if hull is None:
+                unread.add(body)
+            else:
+                points = (X_body_link @ shape.X_link_shape).apply(hull.points)
+                clouds.setdefault(body, []).append(points)
+        return {body: extent_of(clouds[body]) for body in clouds if body not in unread}
 
 
 def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
-    with scratch() as ports:
-        ports.put("robot.urdf", source.data)
-        findings = ports.run(source.reader())
-        read = RobotFiles(ports.folder)
-        planar = tuple(joint.name for joint in read.links.joints if joint.kind == "planar")
-        links = split(read.links, frozenset(planar))
-        tree, _ = merge_fixed_joints(links, True, ())
-        shapes = read.source_shapes
-        return InspectedRobot(
-            links, tree, shapes, source_findings=findings, planar=planar, root=source.root
-        )
+    read, shapes, findings, _ = source.read()
+    planar = tuple(joint.name for joint in read.joints if joint.kind == "planar")
+    links = split(read, frozenset(planar))
+    tree, _ = merge_fixed_joints(links, True, ())
+    return InspectedRobot(
+        links, tree, shapes, source_findings=findings, planar=planar, root=source.root
+    )
 
 
 def judge(robot: InspectedRobot, base: Base, kept: Collection[str] | None = None) -> InspectedRobot:
@@ -290,91 +303,35 @@ def carried(robot: InspectedRobot) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Weighed:
-    """A robot with what its shapes occupy."""
-
-    robot: InspectedRobot
-
-    @cached_property
-    def by_link(self) -> dict[str, Extent]:
-        """Links with shapes that can all be read."""
-        return {link: extent_of(points) for link, points in self._clouds.items() if points}
-
-    @cached_property
-    def by_body(self) -> dict[str, Extent]:
-        """The same of merged bodies."""
-        parts: dict[str, list[Extent]] = {}
-        unread = {link for link, clouds in self._clouds.items() if not clouds}
-        placed = {link: self.robot.tree.placement(link) for link in self._clouds}
-        for link, extent in self.by_link.items():
-            body, X_body_link = placed[link]
-            moved = replace(extent, points=X_body_link.apply(extent.points))
-            parts.setdefault(body, []).append(moved)
-        for link in unread:
-            parts.pop(placed[link][0], None)
-        return {
-            body: one if not others else extent_of([part.points for part in (one, *others)])
-            for body, (one, *others) in parts.items()
-        }
-
-    @cached_property
-    def _clouds(self) -> dict[str, list[Array]]:
-        """Points by link; none of a link with a shape that cannot be read."""
-        clouds: dict[str, list[Array | None]] = {}
-        for shape in self.robot.shapes.shapes:
-            points = _corners(self.robot.root, shape.geometry)
-            arrays = clouds.setdefault(shape.link, [])
-            arrays.append(None if points is None else shape.X_link_shape.apply(points))
-        return {
-            link: [] if any(p is None for p in arrays) else [p for p in arrays if p is not None]
-            for link, arrays in clouds.items()
-        }
-
-    def findings(self) -> tuple[Finding, ...]:
-        """What a build will find contradicted."""
-        return tuple(contradictions(self.robot.tree, self.by_body))
-
-    def wrong_links(self) -> dict[str, Finding]:
-        """Links that make a body contradicted, where it is known which they are."""
-        links, tree = self.robot.links, self.robot.tree
-        bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
-        wrong = {*beyond_reach(links, self.by_link)}
-        wrong |= {pair.wrong.name for pair in twins_apart(links, self.by_link) if pair.sure}
-        beyond = beyond_reach(tree, self.by_body)
-        wrong |= {link for body in beyond for link in self.robot.links_of(body)
-                  if self._is_beyond(link, body)}  # fmt: skip
-        placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
-        return {link: bodies[body] for link, body in placed.items() if body in bodies}
-
-    def _is_beyond(self, link: str, body: str) -> bool:
-        """Whether the shapes of a merged body rule out the inertia of one of its links.
-
-        That link may have no shape of its own: a fingertip's frame with a placeholder.
-        """
-        inertial = self.robot.links.by_body[link].inertial
-        if inertial is None:
-            return False
-        X_body_link = self.robot.tree.placement(link)[1]
-        away = self.by_body[body].points - X_body_link.apply(inertial.com_m)
-        reach = float(np.linalg.norm(away, axis=1).max())
-        largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
-        return largest > FACTOR * inertial.mass_kg * reach**2
+def contradicted(robot: InspectedRobot) -> tuple[Finding, ...]:
+    """What a build will find contradicted by the shapes."""
+    return tuple(contradictions(robot.tree, robot.extents(robot.tree)))
 
 
-def _corners(root: Path, geometry: SourceGeometry) -> Array | None:
-    """(n, 3) m, of a primitive or of a mesh's hull; None where it cannot be read."""
-    if not isinstance(geometry, MeshFile):
-        return points_of(root, geometry)
-    try:
-        stamp = (root / geometry.path).stat()
-    except OSError:
-        return None
-    return _hull_points(root, geometry, (stamp.st_mtime_ns, stamp.st_size))
+def wrong_links(robot: InspectedRobot) -> dict[str, Finding]:
+    """Links that make a body contradicted, where it is known which they are."""
+    links, tree = robot.links, robot.tree
+    by_link, by_body = robot.extents(links), robot.extents(tree)
+    found = {f.subject.removeprefix("link "): f for f in contradictions(tree, by_body)}
+    wrong = {*beyond_reach(links, by_link)}
+    wrong |= {pair.wrong.name for pair in twins_apart(links, by_link) if pair.sure}
+    for body in beyond_reach(tree, by_body):
+        beyond = (link for link in robot.links_of(body) if _is_beyond(robot, link, by_body[body]))
+        wrong.update(beyond)
+    placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
+    return {link: found[body] for link, body in placed.items() if body in found}
 
 
-@lru_cache(maxsize=1024)
-def _hull_points(root: Path, mesh: MeshFile, stamp: tuple[int, int]) -> Array | None:
-    """See `_corners`. stamp: of its file."""
-    points = points_of(root, mesh)
-    return None if points is None else extent_of([points]).points
+def _is_beyond(robot: InspectedRobot, link: str, extent: Extent) -> bool:
+    """Whether the shapes of a merged body rule out the inertia of one of its links.
+
+    That link may have no shape of its own: a fingertip's frame with a placeholder.
+    """
+    inertial = robot.links.by_body[link].inertial
+    if inertial is None:
+        return False
+    X_body_link = robot.tree.placement(link)[1]
+    away = extent.points - X_body_link.apply(inertial.com_m)
+    reach = float(np.linalg.norm(away, axis=1).max())
+    largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
+    return largest > FACTOR * inertial.mass_kg * reach**2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
@@ -72,7 +72,7 @@ def package_folders(name: str, file: Path) -> Iterator[list[Path]]:
     for folder in folders:
         if (folder / name).is_dir():
             yield [folder / name]
-    for folder in _workspace(file):
+    for folder in in_repository(folders, NEAR):
         if candidates := packages_below(folder).get(name):
             yield list(candidates)
 
@@ -132,11 +132,10 @@ def lacking(root: Path, path: str) -> tuple[str, str]:
     return lack, ""
 
 
-def _workspace(file: Path) -> list[Path]:
-    """The folders above a file up to its repository; without one `NEAR` of them."""
-    folders = above(file)
-    tops = [index for index, folder in enumerate(folders) if (folder / ".git").exists()]
-    return folders[: tops[0] + 1 if tops else NEAR]
+def in_repository(folders: Sequence[Path], otherwise: int) -> Sequence[Path]:
+    """Those of the folders above a file up to its repository; so many where it is in none."""
+    tops = [number for number, folder in enumerate(folders, 1) if (folder / ".git").exists()]
+    return folders[: tops[0] if tops else otherwise]
 
 
 @functools.lru_cache(maxsize=64)

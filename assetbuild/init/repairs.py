@@ -18,7 +18,7 @@ from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
-from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
+from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, not_in_usd, wrong_links, zeroed
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.plugin_types import Edit
 from assetbuild.plugins import load_plugin
@@ -103,7 +103,7 @@ def _subject(finding: Finding) -> str:
 def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
     """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
     broken = _broken_links(robot)
-    wrong = Weighed(robot).wrong_links() | _weightless(robot)
+    wrong = wrong_links(robot) | _weightless(robot)
     for link, findings in broken.items():
         grave = next((f for f in findings if f.rule in _BROKEN), None)
         if grave or link not in wrong:

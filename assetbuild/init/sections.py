@@ -23,7 +23,7 @@ from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, s
 from assetbuild.init.drives import GAINS, STEP_S, DriveRow
 from assetbuild.init.home import DEEP_M, Pair, made_so
 from assetbuild.init.licence import put_source
-from assetbuild.init.look import InspectedRobot, Weighed, put_up_axis, turned, usual_targets
+from assetbuild.init.look import InspectedRobot, contradicted, put_up_axis, turned, usual_targets
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
@@ -88,8 +88,12 @@ def urdf_recipe(
     guessed = tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed)]
     opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)
-    contradicted = map(with_remedy, Weighed(whole).findings())
-    unrepaired = (*_locked(tree), *map(with_remedy, opposed), *unknown, *contradicted)
+    unrepaired = (
+        *_locked(tree),
+        *map(with_remedy, opposed),
+        *unknown,
+        *map(with_remedy, contradicted(whole)),
+    )
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     draft = Draft()
     put_head(draft, whole, anatomy, path, tuning.unmended)

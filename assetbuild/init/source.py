@@ -17,6 +17,7 @@ from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, UsageError, Where, nearest
+from assetbuild.findings import Finding
 from assetbuild.init.draft import some
 from assetbuild.init.packages import (
     absolute_folders,
@@ -36,7 +37,8 @@ from assetbuild.init.xacro import Expanded, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.shapes import MeshFile
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.source.urdf.joints import KINDS
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.source.urdf.xml import Node, parse
@@ -70,9 +72,9 @@ class UrdfSource:
         """The description's name in messages, as a build would give it."""
         return self.file if self.key == "urdf" else f"{self.file} (expanded)"
 
-    def reader(self) -> ReadUrdf:
-        """The step that reads `data`, as a build would run it."""
-        return ReadUrdf(
+    def read(self) -> tuple[Tree, SourceShapes, tuple[Finding, ...], list[dict[str, str]]]:
+        """The links, the shapes, what the build's reader says of them, and the meshes it lists."""
+        step = ReadUrdf(
             file=self.shown,
             base="floating",
             packages=dict(self.packages),
@@ -80,6 +82,11 @@ class UrdfSource:
             absolute=dict(self.absolute),
             missing=self.missing,
         )
+        with scratch() as ports:
+            ports.put("robot.urdf", self.data)
+            findings, robot = ports.run(step), RobotFiles(ports.folder)
+            meshes = json.loads(ports.read("meshes.json"))
+            return robot.links, robot.source_shapes, findings, meshes
 
 
 def find_source(
@@ -100,9 +107,10 @@ def find_source(
     data = replaced(data, patches)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
-    read = expand(real, folders, args) if by_xacro else Expanded(data)
-    uses = files_named(parse(read.data, name)[0])
-    used = {**folders, **read.packages}
+    made: Expanded = expand(real, folders, args) if by_xacro else (data, {}, {}, ())
+    data, asked, defaults, absent = made
+    uses = files_named(parse(data, name)[0])
+    used = {**folders, **asked}
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
     root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
@@ -112,12 +120,12 @@ def find_source(
         root=root,
         file=path,
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
-        data=read.data,
+        data=data,
         args=args,
-        defaults=read.defaults,
+        defaults=defaults,
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
-        absent=read.absent,
+        absent=absent,
         patches=tuple(patch.model_copy(update={"file": path}) for patch in patches),
     )
 
@@ -165,26 +173,17 @@ def mended(source: UrdfSource) -> UrdfSource:
     no recipe can mend.
     """
     source = patched(source, retyped(source))
-    meshes, solid = _meshes(source)
-    renamed = patched(source, _cases(source, meshes))
-    if renamed != source:
-        source = renamed
-        meshes, solid = _meshes(source)
+    _, shapes, _, meshes = source.read()
+    if cases := tuple(_cases(source, meshes)):
+        source = patched(source, cases)
+        _, shapes, _, meshes = source.read()
+    collide = [shape.geometry for shape in shapes.of("collision")]
+    solid = {mesh.path for mesh in collide if isinstance(mesh, MeshFile)}
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
     if needed or (absent and len(absent) == len(meshes)):
         raise _refused(source, needed or absent, {mesh["path"] for mesh in meshes})
     return replace(source, missing=tuple(mesh["path"] for mesh in absent))
-
-
-def _meshes(source: UrdfSource) -> tuple[list[dict[str, str]], set[str]]:
-    """Every mesh that is named, and the paths of those that something collides with."""
-    with scratch() as ports:
-        ports.put("robot.urdf", source.data)
-        ports.run(source.reader())
-        listed: list[dict[str, str]] = json.loads(ports.read("meshes.json"))
-        shapes = RobotFiles(ports.folder).source_shapes.of("collision")
-    return listed, {s.geometry.path for s in shapes if isinstance(s.geometry, MeshFile)}
 
 
 def _refused(

@@ -6,15 +6,14 @@ It is expanded by the step of the build, in the same restricted child.
 from __future__ import annotations
 
 import json
-import os
 import re
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
-from itertools import chain
+from collections.abc import Collection, Mapping
+from itertools import islice
 from pathlib import Path
 from xml.etree.ElementTree import ParseError
 
 from assetbuild.engine.scratch import scratch
+from assetbuild.engine.world import World
 from assetbuild.errors import SourceError
 from assetbuild.init.packages import (
     above,
@@ -22,7 +21,6 @@ from assetbuild.init.packages import (
     declared,
     find_package,
 )
-from assetbuild.source.get.files import left_out
 from assetbuild.source.urdf.expand_xacro import (
     ARGUMENT,
     MOST_FILES,
@@ -38,14 +36,8 @@ _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 
 
-@dataclass(frozen=True)
-class Expanded:
-    """data: URDF; packages: the folders that were used; defaults, absent: see `UrdfSource`."""
-
-    data: bytes
-    packages: Mapping[str, Path] = field(default_factory=dict)
-    defaults: Mapping[str, str] = field(default_factory=dict)
-    absent: tuple[str, ...] = ()
+Expanded = tuple[bytes, Mapping[str, Path], Mapping[str, str], tuple[str, ...]]
+"""The URDF; the folders of the packages that were used; defaults and absent: see `UrdfSource`."""
 
 
 def is_xacro(file: Path, data: bytes) -> bool:
@@ -79,10 +71,12 @@ def _expanded(
         packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
         absent=tuple(sorted(missing)),
     )
-    tree = (file, *_readable(file.parent), *chain(*map(_readable, folders.values())))
     with scratch() as ports:
-        for path in tree:
-            ports.link(f"tree/{path.relative_to(root)}", path)
+        ports.link(f"tree/{step.file}", file)
+        for folder in (file.parent, *folders.values()):
+            for path in islice(World().below(folder, (), NOT_INCLUDED), MOST_FILES):
+                if path.is_file() and not path.is_symlink():
+                    ports.link(f"tree/{path.relative_to(root)}", path)
         for finding in ports.run(step):
             if finding.rule == ARGUMENT.id:
                 name = finding.data["argument"]
@@ -98,7 +92,7 @@ def _expanded(
         or any(path.is_relative_to(folder) for path in files)
     }
     absent = tuple(sorted({*missing} & {*used["packages"]}))
-    return Expanded(urdf, needed, _defaults([file, *files]), absent)
+    return urdf, needed, _defaults([file, *files]), absent
 
 
 def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list[str]) -> None:
@@ -126,23 +120,6 @@ def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) ->
     here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
     known = here in folders.values() or name in folders
     return {name: here} if name and not known else {}
-
-
-# --- files ----------------------------------------------------------------------------------
-
-
-def _readable(folder: Path) -> Iterator[Path]:
-    """What a xacro may read below a folder; no links that lead out of it."""
-    count = 0
-    for here, folders, names in os.walk(folder):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        for name in sorted(names):
-            path = Path(here) / name
-            if not left_out(name, NOT_INCLUDED) and path.is_file() and not path.is_symlink():
-                yield path
-                count += 1
-        if count > MOST_FILES:
-            return
 
 
 # --- arguments ------------------------------------------------------------------------------
