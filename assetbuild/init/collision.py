@@ -13,7 +13,7 @@ from assetbuild.facts.derived import SOLIMP
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
-from assetbuild.init.look import InspectedRobot, points_of
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.tune import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Mimic, Tree
@@ -106,7 +106,7 @@ def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
     role: Role = "collision" if robot.shapes.of("collision") else "visual"
     solid, rules = robot.shapes.of(role), Rules()
     for shape in solid:  # no method can use a mesh that spans no volume
-        if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
+        if robot.is_flat(shape.geometry):
             rules[shape.link] = _instead(robot, shape.link, role)
     for leg in anatomy.legs if len(anatomy.legs) >= 4 else ():
         shapes = [s for s in solid if s.link == leg.foot]
@@ -127,8 +127,7 @@ def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, st
     why = f"A {role} mesh of this link is flat and can be no collision shape: "
     shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
     drawn = [shape for shape in shapes if shape.role == "visual"]
-    flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
-    if role == "collision" and drawn and not any(flat):
+    if role == "collision" and drawn and not any(robot.is_flat(s.geometry) for s in drawn):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
     return {"method": "none"}, why + "it hits nothing."
 
@@ -137,10 +136,10 @@ def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
     """Whether the mesh's extents, m, differ by less than BALL; a mesh that init leaves unread."""
     if not isinstance(shape.geometry, MeshFile):
         return False
-    points = points_of(robot.root, shape.geometry)
-    if points is None:
+    hull = robot.hull_of(shape.geometry)
+    if hull is None:
         return True
-    extents = np.ptp(points, axis=0)
+    extents = np.ptp(hull.vertices, axis=0)
     return float(extents.max()) < BALL * float(extents.min())
 
 

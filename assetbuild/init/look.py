@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import astuple, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import get_args
 
@@ -21,10 +22,10 @@ from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.draft import Draft, patterns_of, plain, some
 from assetbuild.init.source import UrdfSource
 from assetbuild.mesh.companions import companions_of, format_of
-from assetbuild.mesh.hulls import extent_of
-from assetbuild.mesh.material import SourceMesh
+from assetbuild.mesh.hulls import extent_of, hull_or_points
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.chains import is_massless, split, weighs
 from assetbuild.robot.codec import encode
@@ -38,7 +39,7 @@ from assetbuild.robot.contradictions import (
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array, vec3
-from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShape, SourceShapes
+from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.read_urdf import WORLD_JOINT
@@ -62,7 +63,9 @@ class InspectedRobot:
     planar: tuple[str, ...] = ()
     root: Path = Path()
     turned: frozenset[str] = frozenset()
-    hulls: dict[SourceGeometry, Extent | None] = field(default_factory=dict, compare=False)
+    hulls: dict[tuple[SourceGeometry, UpAxis], TriangleMesh | None] = field(
+        default_factory=dict, compare=False
+    )
 
     @property
     def unranged(self) -> tuple[str, ...]:
@@ -87,6 +90,13 @@ class InspectedRobot:
         solid = self.shapes.of("collision") or self.shapes.of("visual")
         return frozenset(shape.link for shape in solid)
 
+    @cached_property
+    def up_axes(self) -> dict[str, str]:
+        """Path of each mesh that states another up axis than Z, and which."""
+        meshes = (shape.geometry for shape in self.shapes.shapes)
+        paths = dict.fromkeys(mesh.path for mesh in meshes if isinstance(mesh, MeshFile))
+        return {path: axis for path in paths if (axis := stated_axis(self.root / path))}
+
     def links_of(self, body: str) -> list[str]:
         """The links that became one body."""
         return [name for name in self.links.by_body if self.tree.placement(name)[0] == body]
@@ -104,17 +114,18 @@ class InspectedRobot:
             if clouds:
                 yield np.concatenate(clouds)
 
-    def hull_of(self, geometry: SourceGeometry) -> Extent | None:
-        """What the geometry spans, in the frame of its shape; None where it cannot be read."""
-        if geometry not in self.hulls:
-            points = points_of(self.root, geometry)
-            self.hulls[geometry] = None if points is None else extent_of([points])
-        return self.hulls[geometry]
+    def hull_of(self, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> TriangleMesh | None:
+        """The hull in the frame of the shape, without faces if flat; None where it is unread."""
+        key = (geometry, up_axis)
+        if key not in self.hulls:
+            points = points_of(self.root, geometry, up_axis)
+            self.hulls[key] = None if points is None else hull_or_points(points)
+        return self.hulls[key]
 
     def is_flat(self, geometry: SourceGeometry) -> bool:
         """Whether it can be read and spans no volume."""
         hull = self.hull_of(geometry)
-        return hull is not None and not hull.volume_m3 > 0.0
+        return hull is not None and not len(hull.faces)
 
     def extents(self, tree: Tree) -> dict[str, Extent]:
         """What the shapes of each body occupy, where all of them can be read.
@@ -129,7 +140,7 @@ class InspectedRobot:
             if hull is None:
                 unread.add(body)
             else:
-                points = (X_body_link @ shape.X_link_shape).apply(hull.points)
+                points = (X_body_link @ shape.X_link_shape).apply(hull.vertices)
                 clouds.setdefault(body, []).append(points)
         return {body: extent_of(clouds[body]) for body in clouds if body not in unread}
 
@@ -173,81 +184,68 @@ LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
 
-def points_of(root: Path, geometry: SourceGeometry) -> Array | None:
-    """(n, 3) m, in the frame of the shape; None for a mesh that `mesh_of` leaves unread."""
+def points_of(root: Path, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> Array | None:
+    """(n, 3) m, in the frame of the shape, those that a face uses.
+
+    None for a mesh that the build would refuse, or that is too large. root: the folder that the
+    mesh's path starts from.
+    """
     if not isinstance(geometry, MeshFile):
         return tessellate(geometry).vertices
-    read = mesh_of(root, geometry)
-    return None if read is None else scaled_points(read, geometry)
-
-
-def scaled_points(read: SourceMesh, mesh: MeshFile) -> Array:
-    """(n, 3) m, of the points that a face uses."""
+    path, subject = root / geometry.path, geometry.path
+    format = FORMATS.get(path.suffix.lower())
+    try:
+        if format is None or path.stat().st_size > LARGEST:
+            return None
+        data = path.read_bytes()
+        names = companions_of(data, "gltf") if format == "gltf" else ()
+        beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
+        read = read_mesh(data, format, companions=beside, up_axis=up_axis, subject=subject)
+    except (StepError, OSError):
+        return None
     used = [part.mesh.vertices[np.unique(part.mesh.faces)] for part in read.parts]
-    points: Array = np.concatenate(used) * np.array(mesh.scale)
+    points: Array = np.concatenate(used) * np.array(geometry.scale)
     return points
 
 
-def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMesh | None:
-    """What the file holds; None for one that the build would refuse, or that is too large.
-
-    root: the folder that the mesh's path starts from.
-    """
-    path = root / mesh.path
-    format = FORMATS.get(path.suffix.lower())
-    try:
-        if format is not None and path.stat().st_size <= LARGEST:
-            data = path.read_bytes()
-            names = companions_of(data, "gltf") if format == "gltf" else ()
-            beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
-            return read_mesh(data, format, companions=beside, up_axis=up_axis, subject=mesh.path)
-    except (StepError, OSError):
-        pass
-    return None
-
-
-Z_UP = re.compile(rb"<up_axis>\s*Z_UP\s*<")
 HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
+_AXIS = re.compile(rb"<asset\b(?:.*?<up_axis>\s*(\w+)\s*<)?", re.DOTALL)
+
+
+def stated_axis(file: Path) -> str:
+    """The up axis that a mesh states, in COLLADA's words; "" for Z, or where it states none."""
+    format = format_of(file.name)
+    if format in ("glb", "gltf"):
+        return "Y_UP"
+    try:
+        with file.open("rb") as opened:
+            asset = _AXIS.search(opened.read(HEAD)) if format == "dae" else None
+    except OSError:
+        return ""
+    axis = (asset[1] or b"Y_UP").decode("ascii", "replace") if asset else ""
+    return axis if axis != "Z_UP" else ""
 
 
 def turned(robot: InspectedRobot) -> frozenset[str]:
     """Paths of the meshes that the recipe turns as their files say."""
-    links = {shape.link for shape in robot.shapes.shapes if _may_say_so(robot, shape)}
     records = {}
-    for shape in robot.shapes.shapes:
-        mesh = shape.geometry if shape.link in links else None
-        read = mesh_of(robot.root, mesh) if isinstance(mesh, MeshFile) else None
-        if read is not None and isinstance(mesh, MeshFile):  # else the build says what is wrong
-            points = scaled_points(read, mesh)
-            lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
-            record = ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
-            records[shape.name] = record
-    return frozenset(meshes_to_turn(robot.links, robot.shapes, records) if records else ())
+    for shape in robot.shapes.shapes if robot.up_axes else ():
+        hull = robot.hull_of(shape.geometry) if isinstance(shape.geometry, MeshFile) else None
+        if hull is not None and isinstance(shape.geometry, MeshFile):
+            lower, upper = vec3(hull.vertices.min(axis=0)), vec3(hull.vertices.max(axis=0))
+            axis = robot.up_axes.get(shape.geometry.path)
+            records[shape.name] = ConvertedMesh((), 0, 0.0, lower, upper, False, None, axis)
+    return meshes_to_turn(robot.links, robot.shapes, records) if records else frozenset()
 
 
 def put_up_axis(draft: Draft, robot: InspectedRobot, turn: frozenset[str]) -> None:
     """The key `honour_up_axis`, where a mesh needs it."""
-    doubted = (s.geometry for s in robot.shapes.shapes if _may_say_so(robot, s))
-    stated = {mesh.path for mesh in doubted if isinstance(mesh, MeshFile)}
+    stated = sorted(robot.up_axes)
     if turn:
-        patterns = [".*"] if turn == stated else patterns_of(sorted(turn), sorted(stated))
+        patterns = [".*"] if turn == {*stated} else patterns_of(sorted(turn), stated)
         why = f"turned as their files say: {len(turn)} of {len(stated)} meshes that state an axis "
         draft.put(patterns, "source", "honour_up_axis", beside=why + "fit their links better so")
-
-
-def _may_say_so(robot: InspectedRobot, shape: SourceShape) -> bool:
-    """May the file state an axis other than Z? A glTF does, and a COLLADA that says nothing."""
-    if not isinstance(shape.geometry, MeshFile):
-        return False
-    format = format_of(shape.geometry.path)
-    if format in ("glb", "gltf"):
-        return True
-    try:
-        with (robot.root / shape.geometry.path).open("rb") as file:
-            return format == "dae" and not Z_UP.search(file.read(HEAD))
-    except OSError:
-        return False
 
 
 MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"

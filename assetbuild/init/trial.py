@@ -17,15 +17,14 @@ from assetbuild.checks.trials import Trials
 from assetbuild.control.control import ControlStep
 from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import Scratch, scratch
-from assetbuild.errors import AssetBuildError, StepError
+from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.init.draft import patterns_of
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.home import Depths, Pair, nothing_deep
-from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.init.look import InspectedRobot
+from assetbuild.mesh.hull import capped
 from assetbuild.mesh.obj import obj_bytes
-from assetbuild.mesh.read import UpAxis
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
@@ -33,9 +32,8 @@ from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control
-from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Keyframe, Simulation
-from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
+from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.mujoco.drives import servoed
@@ -240,46 +238,34 @@ def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -
     """Lay the robot out. soles: source links."""
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
-        yield Stage(robot, soles, _laid_out(robot, links, ports), ports, whole)
+        shapes = _shapes_of(robot, links, ports)
+        for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", shapes)):
+            ports.put(f"{name}.json", encode(value))
+        yield Stage(robot, soles, shapes, ports, whole)
 
 
-def _laid_out(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:
-    """The robot as a build has it, with a hull or primitive for each shape of these links."""
+def _shapes_of(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:
+    """A hull or primitive for each shape of these links that can be read and is not flat.
+
+    Those that collide; of a link without any, what is drawn of it. Hulls lie in `meshes/`.
+    """
     (ports.folder / "meshes").mkdir()
+    of_links = [[shape for shape in robot.shapes.shapes if shape.link == link] for link in links]
+    used = (s for all in of_links for s in [s for s in all if s.role == "collision"] or all)
     shapes, assets = [], []
-    for index, shape in enumerate(_shapes_of(robot, links)):
+    for index, shape in enumerate(used):
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
-            up_axis: UpAxis = "honour" if source.path in robot.turned else "ignore"
-            read = mesh_of(robot.root, source, up_axis)
-            asset = _hull(scaled_points(read, source), name, ports) if read else None
-            if asset is None:
+            hull = robot.hull_of(source, "honour" if source.path in robot.turned else "ignore")
+            if hull is None or not len(hull.faces):
                 continue
+            hull = capped(hull, CORNERS, None, subject=name)
+            asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
+            ports.put(f"meshes/{asset.file}", obj_bytes(hull))
             assets.append(asset)
             geometry = Mesh(asset.name)
         else:
             geometry = source
         shapes.append(Shape(name, shape.link, "collision", geometry, shape.X_link_shape))
-    made = Shapes(tuple(shapes), (), tuple(assets))
-    for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", made)):
-        ports.put(f"{name}.json", encode(value))
-    return made
-
-
-def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:
-    """The collision shapes of each link; of one that has none, what is drawn of it."""
-    for link in links:
-        shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
-        yield from [s for s in shapes if s.role == "collision"] or shapes
-
-
-def _hull(points: Array, name: str, ports: Scratch) -> MeshAsset | None:
-    """Written to `meshes/`; None for a mesh that is flat. points: (n, 3) m."""
-    try:
-        hull = convex_hull(points, max_vertices=CORNERS, subject=name)
-    except StepError:
-        return None
-    asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
-    ports.put(f"meshes/{asset.file}", obj_bytes(hull))
-    return asset
+    return Shapes(tuple(shapes), (), tuple(assets))
