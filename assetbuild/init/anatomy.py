@@ -28,7 +28,6 @@ from assetbuild.init.wheels import (
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
-from assetbuild.robot.tree import forward_kinematics
 
 Role = TurningRole | Literal["leg", "finger", "arm"]
 
@@ -115,12 +114,11 @@ class Anatomy:
 def study(robot: InspectedRobot) -> Anatomy:
     """Look the robot over."""
     tree = robot.tree
-    at_zero = forward_kinematics(robot.links, {})
-    extent = np.ptp([pose.xyz for pose in at_zero.values()], axis=0)
+    extent = np.ptp([pose.xyz for pose in robot.at_zero.values()], axis=0)
     turning = what_turns(robot)
     wheels = frozenset(name for name, part in turning.items() if part.role == "wheel")
-    limbs = [_limb(robot, at_zero, tip, wheels) for tip in _leaves(tree)]
-    legs = _legs(limbs, at_zero, float(extent[2]))
+    limbs = [_limb(robot, tip, wheels) for tip in _leaves(tree)]
+    legs = _legs(robot, limbs, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
     doubt = DOUBT.format(root=tree.root) if reason == UNKNOWN else ""
@@ -210,12 +208,12 @@ def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
 # --- legs -----------------------------------------------------------------------------------
 
 
-def _legs(limbs: list[Leg], at_zero: Mapping[str, Pose], height: float) -> tuple[Leg, ...]:
+def _legs(robot: InspectedRobot, limbs: list[Leg], height: float) -> tuple[Leg, ...]:
     """Limbs of two joints or more that reach the lowest level: two alike, or four called arms."""
     lowest = min((limb.X_root_foot.xyz[2] for limb in limbs), default=0.0)
     down = []
-    for limb in filter(lambda limb: _can_walk(limb, at_zero), limbs):
-        start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
+    for limb in filter(lambda limb: _can_walk(limb, robot), limbs):
+        start, end = robot.at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
         if end - lowest <= LOW * height and start - end >= REACH * height > 0.0:
             down.append(limb)
     named = [limb for limb in down if not _PRESSES.fullmatch(limb.tip)]
@@ -234,17 +232,16 @@ def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
     return tuple(itertools.compress(limbs, (kinds.count(kind) >= least for kind in kinds)))
 
 
-def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
+def _can_walk(limb: Leg, robot: InspectedRobot | None = None) -> bool:
     """It bends, and its last joint has an end, unless it is called a leg.
 
-    at_zero: of a limb with a wheel or without any stop: two joints must swing it, as no steering.
+    robot: of a limb with a wheel or without any stop: two joints must swing it, as no steering.
     """
     if len(limb.joints) < 2:
         return False
     last, kinds = limb.joints[-1], {joint.kind for joint in limb.joints}
-    if at_zero is not None and (limb.rolls or kinds == {"continuous"}):
-        axes = [at_zero[joint.child].rotation @ np.asarray(joint.axis) for joint in limb.joints]
-        return sum(abs(float(axis[2])) < SWIVEL for axis in axes) >= 2
+    if robot is not None and (limb.rolls or kinds == {"continuous"}):
+        return sum(abs(float(robot.axis_of(joint)[2])) < SWIVEL for joint in limb.joints) >= 2
     return last.kind != "continuous" or bool(_LEG.fullmatch(last.child))
 
 
@@ -259,11 +256,9 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
-def _limb(
-    robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str, wheels: Collection[str]
-) -> Leg:
+def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str]) -> Leg:
     """The chain from the last body where the robot branches to `tip`. wheels: joints."""
-    tree, leaves = robot.tree, _leaves(robot.tree)
+    tree, at_zero, leaves = robot.tree, robot.at_zero, _leaves(robot.tree)
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
     # Where no joint states an effort, 0 says nothing.
     states = any(j.limits.effort for j in tree.joints)
@@ -296,11 +291,11 @@ def _limb(
     soles = tuple(link for link in links if link in solid) or (foot,)
     X_tip_foot = tree.placement(foot)[1]
     if foot == tip and len(joints) < ANKLE:
-        X_tip_foot = _lowest_end(robot, tip, at_zero[tip])
+        X_tip_foot = _lowest_end(robot, tip)
     return Leg(tuple(joints[::-1]), tip, foot, X_tip_foot, at_zero[tip] @ X_tip_foot, soles)
 
 
-def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
+def _lowest_end(robot: InspectedRobot, shank: str) -> Pose:
     """Where a shank without a foot ends: its lowest ball or end of a capsule, else the middle of
     its lowest points, or of its farthest, if it is drawn level; without shapes the knee, its frame.
     """
@@ -310,7 +305,7 @@ def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
             half = 0.0 if isinstance(shape.geometry, Sphere) else shape.geometry.length / 2.0
             ends += [shape.X_link_shape.apply((0.0, 0.0, side * half)) for side in (-1.0, 1.0)]
     points = np.array(ends) if ends else next(robot.clouds_of(shank), np.zeros((1, 3)))
-    low, far = -(points @ X_root_shank.rotation[2]), np.linalg.norm(points, axis=1)
+    low, far = -(points @ robot.at_zero[shank].rotation[2]), np.linalg.norm(points, axis=1)
     out = low if low.max() > far.max() / 2.0 else far
     return Pose(vec3(points[out >= out.max() - TIP_M].mean(axis=0)))
 

@@ -37,13 +37,14 @@ def put_collision(
     draft: Draft,
     robot: InspectedRobot,
     anatomy: Anatomy,
+    pairs: Sequence[Pair],
     overlaps: Mapping[Pair, float],
     inside: Mapping[Pair, float],
 ) -> None:
     """The whole section.
 
-    overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
-    lie in each other in every pose.
+    pairs: see `compound_pairs`; overlaps: bodies whose hulls throw the robot over at home, and
+    depths, m; inside: bodies that lie in each other in every pose.
     """
     origin, why = "visual", "the source has no collision shapes"
     if robot.shapes.of("collision"):
@@ -63,7 +64,6 @@ def put_collision(
     _put_rules(draft, robot, anatomy)
     joined = "bodies that a joint connects never collide"
     draft.put(True, "collision", "exclude", "adjacent", beside=joined)
-    pairs = compound_pairs(robot.tree, anatomy.size_m)
     why = "Joints close together make one (a hip, a wrist), or drive links side by side"
     lines = [f"{why}: hulls overlap there."] * bool(pairs)
     if overlaps:

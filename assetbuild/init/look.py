@@ -37,10 +37,10 @@ from assetbuild.robot.contradictions import (
     twins_apart,
 )
 from assetbuild.robot.inertia import principal_moments
-from assetbuild.robot.model import Base, Tree
-from assetbuild.robot.pose import Array, vec3
+from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.robot.pose import Array, Pose, vec3
 from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShapes
-from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.robot.tree import forward_kinematics, merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.read_urdf import WORLD_JOINT
 
@@ -96,6 +96,16 @@ class InspectedRobot:
         meshes = (shape.geometry for shape in self.shapes.shapes)
         paths = dict.fromkeys(mesh.path for mesh in meshes if isinstance(mesh, MeshFile))
         return {path: axis for path in paths if (axis := stated_axis(self.root / path))}
+
+    @cached_property
+    def at_zero(self) -> dict[str, Pose]:
+        """X_root_link of every link, where all joints are 0."""
+        return forward_kinematics(self.links, {})
+
+    def axis_of(self, joint: Joint) -> Array:
+        """(3,) unit vector: the axis in the frame of the root, where all joints are 0."""
+        axis: Array = self.at_zero[joint.child].rotation @ np.asarray(joint.axis)
+        return axis
 
     def links_of(self, body: str) -> list[str]:
         """The links that became one body."""

@@ -26,14 +26,13 @@ from assetbuild.init.collision import (
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, home_pose
 from assetbuild.init.licence import put_source
-from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd
+from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import put_repairs, repairs
 from assetbuild.init.sections import (
     put_actuators,
     put_head,
     put_home,
-    put_targets,
     put_validation,
 )
 from assetbuild.init.strength import bounds, with_efforts
@@ -226,7 +225,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
         draft.put("on_ground", "keyframes", home.name, "base", beside=why)
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
-    put_targets(draft, source.built, springs, lost)
+    formats, why = usual_targets(source.built, springs, lost)
+    draft.put(formats, "targets", beside=why)
     put_validation(draft, robot, anatomy.legs, trial, hand)
     return Proposal(path, draft.text, unmended)
 

@@ -104,7 +104,7 @@ def urdf_recipe(
     put_repairs(draft, robot, edits)
     note_loops(draft, robot.links)
     draft.put(20000, "visual", "max_faces", beside="finer meshes are thinned, each with a finding")
-    put_collision(draft, robot, anatomy, trial.overlaps, inside)
+    put_collision(draft, robot, anatomy, exclude.pairs, trial.overlaps, inside)
     put_actuators(draft, tuning)
     put_home(draft, robot, anatomy, tuning.pose)
     _note_left(draft, left, {*trial.overlaps, *inside})
@@ -290,25 +290,15 @@ def _put_simulation(
     draft.put(3, "contact", "condim")
     put_pads(draft, robot, hand, tuning.timestep)
     _put_steps(draft, tuning)
-    put_targets(draft, robot)
+    formats, why = usual_targets(robot)
+    draft.put(formats, "targets", beside=why)
     efforts = [tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints]
     walks = bool(legs) and all(efforts)
     put_validation(draft, robot, legs if walks else (), trial, hand)
-    if walks and "mjcf" in usual_targets(robot)[0]:
+    if walks and "mjcf" in formats:
         feet, imu = inline({"links": _soles(robot, legs)}), inline({"link": robot.tree.root})
         draft.note("To train in mjlab: add `mjlab` to the targets, and", at=("training",))
         draft.note(f"feet: {feet}", f"imu: {imu}   # or the link of its IMU", at=("training",))
-
-
-def put_targets(
-    draft: Draft,
-    robot: InspectedRobot,
-    springs: Collection[str] = (),
-    motion: Collection[str] = (),
-) -> None:
-    """The formats that hold the robot; springs, motion: see `usual_targets`."""
-    formats, why = usual_targets(robot, springs, motion)
-    draft.put(formats, "targets", beside=why)
 
 
 def put_validation(
@@ -322,27 +312,24 @@ def put_validation(
 
     trial: None where nothing asks it to stand. hand: links that grip.
     """
+    at = ("validate", "stand")
     if legs and trial is not None:
-        _put_stand(draft, robot, legs, trial)
+        row = {"keyframe": "home", "seconds": 2, "feet": _soles(robot, legs)}
+        did = plain(trial.sentence, 200)
+        if trial.stands:
+            seen = [f"In MuJoCo, with the hulls of its links, it {did}."]
+            draft.put(row, *at, beside="a fall is an error", above=seen)
+        elif trial.stands is None and len(legs) >= MANY_LEGS:
+            draft.put(row, *at, above=[f"Judged by its legs to stand, but not tried: {did}."])
+        else:
+            how = "In MuJoCo it" if trial.stands is not None else "Not tried:"
+            draft.note(f"{how} {did}.", *(f"Tried besides: {it}." for it in trial.tried), at=at)
+            later = "Once its gains and pose are balanced, ask it to stand:"
+            proposal = (later, f"stand: {inline(row)}")
+            draft.note(*(BALANCE if trial.points else proposal), at=at)
+            draft.put({}, "validate", "free_fall")
     if hand:
         draft.put({}, "validate", "grip", beside="holds a cube, a cylinder and a sphere")
-
-
-def _put_stand(draft: Draft, robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> None:
-    row = {"keyframe": "home", "seconds": 2, "feet": _soles(robot, legs)}
-    at, did = ("validate", "stand"), plain(trial.sentence, 200)
-    if trial.stands:
-        seen = [f"In MuJoCo, with the hulls of its links, it {did}."]
-        draft.put(row, *at, beside="a fall is an error", above=seen)
-    elif trial.stands is None and len(legs) >= MANY_LEGS:
-        draft.put(row, *at, above=[f"Judged by its legs to stand, but not tried: {did}."])
-    else:
-        how = "In MuJoCo it" if trial.stands is not None else "Not tried:"
-        draft.note(f"{how} {did}.", *(f"Tried besides: {what}." for what in trial.tried), at=at)
-        later = "Once its gains and pose are balanced, ask it to stand:"
-        proposal = (later, f"stand: {inline(row)}")
-        draft.note(*(BALANCE if trial.points else proposal), at=at)
-        draft.put({}, "validate", "free_fall")
 
 
 def _put_steps(draft: Draft, tuning: Tuning) -> None:

@@ -21,7 +21,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from assetbuild.init.anatomy import Anatomy, Role, chain_to, length_below, limb_
 from assetbuild.init.wheels import VELOCITY_DRIVEN, bodies_below
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.mimic import leading, with_mimics
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics, unit_of
@@ -83,35 +82,30 @@ _IDLE = re.compile(r"(?i).*(passive|caster|castor|spring|rocker|bogie|roller|ach
 
 @dataclass(frozen=True)
 class Guess:
-    """Effort of one joint, N m or N; why it is none of the source's; what the joint is part of."""
+    """Why the effort of a joint is none of the source's; what the joint is part of."""
 
-    effort: float
     why: str
     role: Role
 
 
 def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     """The tree with a guess for each effort that is unknown, and these guesses by joint."""
-    parts = roles(tree, anatomy)
+    parts, loads = roles(tree, anatomy), _sampled_loads(tree)
     twins = _twins(tree, parts)
-    physics, guesses = physical_efforts(tree, anatomy, parts, twins), {}
-    over = overloaded(tree, twins)
+    physics = _physical_efforts(tree, anatomy, parts, twins, loads)
+    over = _overloaded(tree, twins, loads[1:])
     meaningless = _placeholders(tree, physics, over)
-    why = {
-        name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
-        for name in physics
-    }
-    idle = {}
-    for name, reason in why.items():
-        joint = tree.by_joint[name]
+    efforts, guesses = dict[str, float | None](), {}
+    for name, need in physics.items():
+        joint, effort = tree.by_joint[name], rounded_up(need)
+        reason = _unknown(joint, need, over.get(name, 0.0), meaningless)
         if not reason or joint.is_locked:
             continue
-        effort = rounded_up(physics[name])
         if stays_passive(tree, joint, anatomy):
-            idle[name] = 0.0
+            efforts[name] = 0.0
         elif effort != joint.limits.effort:
-            guesses[name] = Guess(effort, reason, parts[name])
-    return with_efforts(tree, {n: guess.effort for n, guess in guesses.items()} | idle), guesses
+            efforts[name], guesses[name] = effort, Guess(reason, parts[name])
+    return with_efforts(tree, efforts), guesses
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float | None]) -> Tree:
@@ -184,11 +178,18 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
 # --- the guess ------------------------------------------------------------------------------
 
 
-def physical_efforts(
-    tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role], twins: Mapping[str, Sequence[str]]
+def _physical_efforts(
+    tree: Tree,
+    anatomy: Anatomy,
+    parts: Mapping[str, Role],
+    twins: Mapping[str, Sequence[str]],
+    loads: Sequence[Mapping[str, float]],
 ) -> dict[str, float]:
-    """What each joint needs, by the formula of this module, and its twins alike; N m or N."""
-    loads, inertia = _sampled_loads(tree), largest_inertias(tree)
+    """What each joint needs, by the formula of this module, and its twins alike; N m or N.
+
+    loads: see `_sampled_loads`.
+    """
+    inertia = largest_inertias(tree)
     weight, needs = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
@@ -317,12 +318,13 @@ def gravity_loads(
     return loads
 
 
-def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, float]:
+def _overloaded(
+    tree: Tree, twins: Mapping[str, Sequence[str]], loads: Sequence[Mapping[str, float]]
+) -> dict[str, float]:
     """Share of the random poses that need more than the stated effort, by joint that states one.
 
     The poses of a joint's twins count as its own, so that no chance parts left from right.
     """
-    loads = _sampled_loads(tree)[1:]
     shares = {}
     for name, alike in twins.items():
         if most := tree.by_joint[name].limits.effort:
@@ -331,7 +333,6 @@ def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, floa
     return shares
 
 
-@lru_cache(maxsize=1)
 def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
     """`gravity_loads` in the pose of zeros and random ones; what mimics a joint loads it too."""
     joints = tree.moving_joints
@@ -339,12 +340,9 @@ def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
     for pose in sample_poses(joints, SAMPLES):
         loads = gravity_loads(tree, pose, joints)
         for joint in joints:
-            leader, factor = joint, 1.0
-            while leader.mimic is not None:
-                factor *= abs(leader.mimic.multiplier)
-                leader = tree.by_joint[leader.mimic.joint]
+            leader, factor, _ = leading(tree, joint)
             if leader is not joint:
-                loads[leader.name] += factor * loads[joint.name]
+                loads[leader.name] += abs(factor) * loads[joint.name]
         samples.append(loads)
     return samples
 

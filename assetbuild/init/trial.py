@@ -60,7 +60,7 @@ class Trial:
     lean: how far its base tilted, rad.
     off: centre of mass beyond the middle of what stands on the floor at the start, x and y, m.
     errors: what the checks say of drives and pose that a build would stop at.
-    refused: the key of the recipe that no build takes, and why.
+    refused: why no build takes a key of the recipe, and what to do.
     overlaps: bodies whose hulls must not collide, for else the robot falls or leans, and how deep
     one is inside the other at home, m.
     tried: what did not make it stand, each with what it did then.
@@ -72,7 +72,7 @@ class Trial:
     lean: float = 0.0
     off: tuple[float, float] = (0.0, 0.0)
     errors: tuple[Finding, ...] = ()
-    refused: RowError | None = None
+    refused: str = ""
     overlaps: Mapping[Pair, float] = field(default_factory=dict)
     tried: tuple[str, ...] = ()
     points: bool = False
@@ -80,7 +80,7 @@ class Trial:
     @property
     def is_fine(self) -> bool:
         """Whether a build has nothing against it."""
-        return not self.errors and self.refused is None
+        return not self.errors and not self.refused
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Stage:
             points = not support(model).is_area
             return replace(trial, errors=errors, off=support(model, SOLE_M).off_m, points=points)
         except RowError as error:
-            return Trial(None, error.message, refused=error)
+            return Trial(None, error.message, refused=f"{error.message} ({error.hint})")
         except AssetBuildError as error:
             return Trial(None, error.message)
 

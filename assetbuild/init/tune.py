@@ -69,13 +69,6 @@ class Tuning:
     firmness: float = FIRM
     depths: Depths = nothing_deep
 
-    @property
-    def armature(self) -> dict[str, float]:
-        """The inertia of each joint's rotor, stated or guessed, kg m2 or kg."""
-        alone = [joint for joint in self.tree.moving_joints if joint.mimic is None]
-        guessed = {j.name: rotor_inertia(j) for j in alone}
-        return guessed | {name: inertia for name, inertia in self.rotors.items() if inertia}
-
 
 def tune(
     tree: Tree,
@@ -102,18 +95,18 @@ def tune(
     askew = trial.stands is False or trial.lean > LEANS_RAD
     if trial.is_fine and askew and not trial.points:
         tuning, trial = _standing(tuning, trial, attempt)
-    rest = tuple(map(with_remedy, trial.errors))
-    if trial.refused is not None:
-        rest += (f"{trial.refused.message} ({trial.refused.hint})",)
-    return replace(tuning, unmended=rest), trial
+    refused = (trial.refused,) if trial.refused else ()
+    return replace(tuning, unmended=(*map(with_remedy, trial.errors), *refused)), trial
 
 
 def _chosen(tuning: Tuning, step: float) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree, legs, turning = tuning.tree, tuning.anatomy.legs, tuning.anatomy.turning
     pose = home_pose(tree, legs, tuning.shift, tuning.depths)
-    arguments = (tuning.guesses, tuning.armature, turning, tuning.firmness)
-    drives = drive_rows(tree, pose, legs, *arguments)
+    alone = [joint for joint in tree.moving_joints if joint.mimic is None]
+    rotors = {joint.name: rotor_inertia(joint) for joint in alone}
+    rotors |= {name: inertia for name, inertia in tuning.rotors.items() if inertia}
+    drives = drive_rows(tree, pose, legs, tuning.guesses, rotors, turning, tuning.firmness)
     hops = any(row.outruns(STEP_S) for row in drives)
     needed = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
     return replace(tuning, pose=pose, drives=drives, timestep=min(needed, step))
@@ -136,18 +129,17 @@ def _corrected(tuning: Tuning, trial: Trial) -> Tuning | None:
 
 def _stronger(tuning: Tuning, weak: list[Finding]) -> Tuning | None:
     """Efforts that are guesses grow."""
-    guesses, grown = dict(tuning.guesses), []
+    grown = {}
     for error in weak:
         name = error.subject.partition(" ")[2]
         effort = tuning.tree.by_joint[name].limits.effort or 0.0
-        if name in guesses:
+        if name in tuning.guesses:
             load = max(float(str(error.data.get("load", 1.0))), 1.0)
-            guesses[name] = replace(guesses[name], effort=rounded_up(load * STRONGER * effort))
-            grown.append(name)
+            grown[name] = rounded_up(load * STRONGER * effort)
     if not grown:
         return None
-    tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
-    return _chosen(replace(tuning, tree=tree, guesses=guesses), tuning.timestep)
+    tree = with_efforts(tuning.tree, grown)
+    return _chosen(replace(tuning, tree=tree), tuning.timestep)
 
 
 def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial]:
