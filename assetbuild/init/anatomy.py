@@ -124,7 +124,12 @@ def study(robot: InspectedRobot) -> Anatomy:
     doubt = DOUBT.format(root=tree.root) if reason == UNKNOWN else ""
     legs = () if base == "fixed" else legs  # what is bolted stands on nothing
     called = () if legs or base == "fixed" else _called_legs(limbs, robot.links.name)
-    return Anatomy(base, reason, legs, _sensors(robot.links), size, called, turning, doubt)
+    frames = {
+        kind: tuple(name for name in robot.links.by_body if re.fullmatch(pattern, name))
+        for kind, pattern in SENSORS.items()
+    }
+    sensors = {kind: names for kind, names in frames.items() if names}
+    return Anatomy(base, reason, legs, sensors, size, called, turning, doubt)
 
 
 def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
@@ -321,7 +326,7 @@ def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
         link = joint.parent
 
 
-# --- base and sensors -----------------------------------------------------------------------
+# --- base -----------------------------------------------------------------------
 
 
 UNKNOWN = "taken as bolted: nothing recognised that stands, rolls, flies or reaches; see above"
@@ -384,12 +389,3 @@ def _stays(robot: InspectedRobot) -> tuple[Base, str]:
     if len(fingers) >= 2:
         return "fixed", f"{len(fingers)} fingers and no arm: a hand, bolted at `{tree.root}`"
     return "fixed", UNKNOWN
-
-
-def _sensors(links: Tree) -> dict[str, tuple[str, ...]]:
-    """Frames that people look for, by kind."""
-    frames = {
-        kind: tuple(name for name in links.by_body if re.fullmatch(pattern, name))
-        for kind, pattern in SENSORS.items()
-    }
-    return {kind: names for kind, names in frames.items() if names}

@@ -254,11 +254,6 @@ def mjcf_hand(
     ]
 
 
-def option_of(control: Control) -> str:
-    """The `<option>` of the source, with what it leaves to MuJoCo's defaults."""
-    return "".join(item.element for item in control.mjcf_only if item.place == "option")
-
-
 def put_own_pads(
     draft: Draft, robot: InspectedRobot, hand: Sequence[str], control: Control
 ) -> None:

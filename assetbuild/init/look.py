@@ -311,11 +311,6 @@ def carried(robot: InspectedRobot) -> list[str]:
     ]
 
 
-def contradicted(robot: InspectedRobot) -> tuple[Finding, ...]:
-    """What a build will find contradicted by the shapes."""
-    return tuple(contradictions(robot.tree, robot.extents(robot.tree)))
-
-
 def wrong_links(robot: InspectedRobot) -> dict[str, Finding]:
     """Links that make a body contradicted, where it is known which they are."""
     links, tree = robot.links, robot.tree

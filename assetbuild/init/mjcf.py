@@ -18,7 +18,6 @@ from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import (
     mjcf_hand,
-    option_of,
     put_own_loops,
     put_own_pads,
     soles_of,
@@ -282,7 +281,8 @@ def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequen
     if source.newer:
         why = f"keeps {some(list(source.newer))}, which MuJoCo {OLDEST} does not know"
         draft.put(float(NEWEST), "mjcf", "grammar", beside=why)
-    option = option_of(source.control)
+    stated = [item.element for item in source.control.mjcf_only if item.place == "option"]
+    option = "".join(stated)  # with what the source leaves to MuJoCo's defaults
     if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
         draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone, {slips}")
@@ -350,9 +350,8 @@ def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
     robot, control, legs = source.robot, source.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
-    if not legs or not all(j.name in driven for leg in legs for j in leg.joints):
-        return None, 0.0
-    if named and "home" not in named:
+    has_drives = bool(legs) and all(j.name in driven for leg in legs for j in leg.joints)
+    if not has_drives or (named and "home" not in named):
         return None, 0.0
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)

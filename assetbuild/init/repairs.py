@@ -221,19 +221,15 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
-    free = {"unlimited": True}
-    for name in robot.unranged:
-        why = (
-            "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it "
-            "turn: put `lower` and `upper` here when you know them"
-        )
-        yield Repair(name, "set_limits", free, why, "<limit> states no range")
-    for name in zeroed(robot.links):
-        why = (
-            "exporters write zeros where nobody states limits, and MuJoCo lets it turn: put "
-            "`lower` and `upper` here when you know them"
-        )
-        yield Repair(name, "set_limits", free, why, "all limits of all joints are 0")
+    locked = "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it turn"
+    zeros = "exporters write zeros where nobody states limits, and MuJoCo lets it turn"
+    for names, why, message in (
+        (robot.unranged, locked, "<limit> states no range"),
+        (zeroed(robot.links), zeros, "all limits of all joints are 0"),
+    ):
+        why += ": put `lower` and `upper` here when you know them"
+        for name in names:
+            yield Repair(name, "set_limits", {"unlimited": True}, why, message)
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":

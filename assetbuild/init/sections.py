@@ -23,7 +23,7 @@ from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, s
 from assetbuild.init.drives import GAINS, STEP_S, DriveRow
 from assetbuild.init.home import DEEP_M, Pair, made_so
 from assetbuild.init.licence import put_source
-from assetbuild.init.look import InspectedRobot, contradicted, put_up_axis, turned, usual_targets
+from assetbuild.init.look import InspectedRobot, put_up_axis, turned, usual_targets
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
@@ -32,6 +32,7 @@ from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
+from assetbuild.robot.contradictions import contradictions
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 from assetbuild.targets.mjcf.files import SCENES
@@ -88,12 +89,8 @@ def urdf_recipe(
     guessed = tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed)]
     opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)
-    unrepaired = (
-        *_locked(tree),
-        *map(with_remedy, opposed),
-        *unknown,
-        *map(with_remedy, contradicted(whole)),
-    )
+    contradicted = map(with_remedy, contradictions(tree, whole.extents(tree)))
+    unrepaired = (*_locked(tree), *map(with_remedy, opposed), *unknown, *contradicted)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     draft = Draft()
     put_head(draft, whole, anatomy, path, tuning.unmended)
@@ -160,15 +157,14 @@ def _put_source(draft: Draft, source: UrdfSource, path: Path) -> None:
     if others:
         defaults = (f"{name}: {json.dumps(value)}" for name, value in others)
         draft.note("its other arguments and their defaults:", *defaults, at=("source", "args"))
-    if source.packages:
-        why = "package:// roots; nothing is searched in a build"
-        draft.put(dict(source.packages), "source", "packages", beside=why)
-    if source.relative_to is not None:
-        why = "where relative names start"
-        draft.put(source.relative_to, "source", "relative_to", beside=why)
-    if source.absolute:
-        why = "what absolute names of the author's machine begin with, and what lies there"
-        draft.put(dict(source.absolute), "source", "absolute", beside=why)
+    there = "what absolute names of the author's machine begin with, and what lies there"
+    for key, value, why in (
+        ("packages", dict(source.packages), "package:// roots; nothing is searched in a build"),
+        ("relative_to", source.relative_to, "where relative names start"),
+        ("absolute", dict(source.absolute), there),
+    ):
+        if value:
+            draft.put(value, "source", key, beside=why)
     if source.missing:
         lines = ["Visual meshes that the source lacks: nothing is drawn for them."]
         meant = ((name, lacking(source.root, name)[1]) for name in source.missing)
