@@ -28,6 +28,7 @@ from assetbuild.init.wheels import (
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
+from assetbuild.robot.tree import chain_to
 
 Role = TurningRole | Literal["leg", "finger", "arm"]
 
@@ -200,16 +201,6 @@ def _own_length(tree: Tree, body: str) -> float:
     return 2.0 * float(np.linalg.norm(inertial.com_m)) if inertial else 0.0
 
 
-def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
-    """The joints from the root down to a body."""
-    chain: list[Joint] = []
-    while body in tree.joint_above:
-        joint = tree.joint_above[body]
-        chain.append(joint)
-        body = joint.parent
-    return tuple(chain[::-1])
-
-
 # --- legs -----------------------------------------------------------------------------------
 
 
@@ -291,7 +282,11 @@ def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str]) -> Leg:
         ),
     )
     if len(joints) < ANKLE:
-        holders = set(_holders(robot.links, foot, tip))
+        holders = {foot}  # and the links between it and the tip, which is the shank
+        for joint in reversed(chain_to(robot.links, foot)):
+            if joint.kind != "fixed" or tip in (joint.child, joint.parent):
+                break
+            holders.add(joint.parent)
         links = [link for link in links if link in holders and not _SHANK.fullmatch(link)]
     soles = tuple(link for link in links if link in solid) or (foot,)
     X_tip_foot = tree.placement(foot)[1]
@@ -313,17 +308,6 @@ def _lowest_end(robot: InspectedRobot, shank: str) -> Pose:
     low, far = -(points @ robot.at_zero[shank].rotation[2]), np.linalg.norm(points, axis=1)
     out = low if low.max() > far.max() / 2.0 else far
     return Pose(vec3(points[out >= out.max() - TIP_M].mean(axis=0)))
-
-
-def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
-    """The foot and the links between it and the tip, which is the shank."""
-    link = foot
-    while True:
-        yield link
-        joint = links.joint_above.get(link)
-        if link == tip or joint is None or joint.kind != "fixed" or joint.parent == tip:
-            return
-        link = joint.parent
 
 
 # --- base -----------------------------------------------------------------------

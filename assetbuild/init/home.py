@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.init.anatomy import ANKLE, Leg, chain_to
+from assetbuild.init.anatomy import ANKLE, Leg
 from assetbuild.init.strength import bounds, gravity_loads, resting, sample_poses
 from assetbuild.init.wheels import bodies_below
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.tree import chain_to, forward_kinematics
 
 CROUCH = 0.75
 """Height of the hips of a walker on four legs or more, as a share of the stretched legs'."""

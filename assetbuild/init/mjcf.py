@@ -168,12 +168,9 @@ def _mended(
     for joint in fixed:  # a parent before its children
         if joint.parent in held:
             held.add(joint.child)
-    without_held = [name for name in bodies if name not in held or name in weak]
     weak_on_others = {joint.child for joint in fixed} & set(weak)
-    without_weak = [name for name in bodies if name not in weak_on_others]
-    without_both = [name for name in without_weak if name not in held]
-    for kept in (without_held, without_weak, without_both):
-        mended = judge(built, built.links.base, kept)
+    for merged in (held - set(weak), weak_on_others, held | weak_on_others):
+        mended = judge(built, built.links.base, [name for name in bodies if name not in merged])
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
 
@@ -196,8 +193,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     stated = joint_springs(control.mjcf_only)
     is_sprung = 2 * len(stated) > len(alone) and not anatomy.walks_on
     idle = robot.tree.moving_joints and not (_driven(control) or is_sprung)
-    tuning = _tuned(source, anatomy) if idle else None
-    unmended = tuning.unmended if tuning else ()
+    tuning, tried = _tuned(source, anatomy) if idle else (None, None)
+    unmended = tried.unmended if tried else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
@@ -230,7 +227,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     return Proposal(path, draft.text, unmended)
 
 
-def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
+def _tuned(source: MjcfSource, anatomy: Anatomy) -> tuple[Tuning, Trial]:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = source.robot, source.control
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
@@ -241,7 +238,7 @@ def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
             lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep),
             rotors,
             control.simulation.timestep,
-        )[0]
+        )
 
 
 def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:

@@ -91,9 +91,9 @@ def urdf_recipe(
     opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)
     contradicted = map(with_remedy, contradictions(tree, whole.extents(tree)))
     unrepaired = (*_locked(tree), *map(with_remedy, opposed), *unknown, *contradicted)
-    tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
+    unmended = (*unrepaired, *trial.unmended)
     draft = Draft()
-    put_head(draft, whole, anatomy, path, tuning.unmended)
+    put_head(draft, whole, anatomy, path, unmended)
     _put_source(draft, source, path)
     put_up_axis(draft, robot, turn)
     draft.put(anatomy.base, "base", beside=plain(anatomy.base_reason, 200))
@@ -107,7 +107,7 @@ def urdf_recipe(
     _note_left(draft, left, {*trial.overlaps, *inside})
     _put_simulation(draft, whole, anatomy, tuning, trial)
     _put_variants(draft, robot, anatomy)
-    return Proposal(path, draft.text, tuning.unmended, anatomy.doubt)
+    return Proposal(path, draft.text, unmended, anatomy.doubt)
 
 
 def _locked(tree: Tree) -> Iterator[str]:

@@ -24,14 +24,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.init.anatomy import Anatomy, Role, chain_to, length_below, limb_of, roles
+from assetbuild.init.anatomy import Anatomy, Role, length_below, limb_of, roles
 from assetbuild.init.wheels import VELOCITY_DRIVEN, bodies_below
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.mimic import leading, with_mimics
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.tree import forward_kinematics, unit_of
+from assetbuild.robot.tree import chain_to, forward_kinematics, unit_of
 
 GRAVITY = 9.81
 SAMPLES = 40

@@ -19,7 +19,7 @@ from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
-from assetbuild.init.draft import patterns_of
+from assetbuild.init.draft import patterns_of, with_remedy
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.home import Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot
@@ -78,9 +78,9 @@ class Trial:
     points: bool = False
 
     @property
-    def is_fine(self) -> bool:
-        """Whether a build has nothing against it."""
-        return not self.errors and not self.refused
+    def unmended(self) -> tuple[str, ...]:
+        """What a build has against it, each with the edit that mends it."""
+        return (*map(with_remedy, self.errors), *filter(None, (self.refused,)))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
@@ -14,7 +14,7 @@ from assetbuild.recipe_types import Model, Name, Positive, Real, Turns
 from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
-from assetbuild.robot.tree import link_names, link_placement
+from assetbuild.robot.tree import chain_to, link_names, link_placement
 
 AXIS = "_axis"
 """Of the name of the second `connect` of a hinge."""
@@ -161,11 +161,5 @@ def path_of(tree: Tree, loop: Loop) -> tuple[Joint, ...]:
 
 def _joints_between(tree: Tree, loop: Loop) -> set[str]:
     """All joints but fixed ones."""
-    a, b = (set(_joints_above(tree, end.body)) for end in loop.ends)
+    a, b = (set(chain_to(tree, end.body)) for end in loop.ends)
     return {joint.name for joint in a ^ b if joint.kind != "fixed"}
-
-
-def _joints_above(tree: Tree, body: str) -> Iterator[Joint]:
-    while (joint := tree.joint_above.get(body)) is not None:
-        yield joint
-        body = joint.parent

@@ -54,6 +54,16 @@ def depth_first(root: str, joints: Iterable[Joint]) -> tuple[tuple[str, ...], tu
     return tuple(links), tuple(ordered)
 
 
+def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
+    """The joints from the root down to a body."""
+    chain: list[Joint] = []
+    while body in tree.joint_above:
+        joint = tree.joint_above[body]
+        chain.append(joint)
+        body = joint.parent
+    return tuple(chain[::-1])
+
+
 def held_by_world(tree: Tree) -> Tree:
     """The tree as a format says it that has no pose of its own for a root: URDF.
 
