@@ -12,7 +12,7 @@ from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
 from assetbuild.control.ground import Ground
-from assetbuild.engine.scratch import Scratch, scratch
+from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
@@ -106,11 +106,14 @@ def find_mjcf(file: Path) -> MjcfSource:
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
     """The build's own steps, run on the spot."""
     with scratch() as ports:
-        for path in sorted((root / name).parent.rglob("*.xml")):
-            if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
+        beside = sorted((root / name).parent.rglob("*.xml"))  # what may be an include
+        files = [path for path in beside if is_file(path) and path.stat().st_size <= MAX_BYTES]
+        while files:
+            for path in files:
                 ports.link(f"tree/{path.relative_to(root)}", path)
-        while _included(ports, root, name):
-            pass
+            ports.run(ListIncludes(file=name))  # those that it names elsewhere
+            files = [root / path for path in json.loads(ports.read("includes.json"))]
+            files = [path for path in files if is_file(path)]
         body, newest = bodies[0] if bodies else None, float(NEWEST)
         ports.run(FlattenMjcf(file=name, body=body, grammar=newest))
         newer = newer_words_of(ports.read("source.xml"))
@@ -173,15 +176,6 @@ def _mended(
         mended = judge(built, built.links.base, [name for name in bodies if name not in merged])
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
-
-
-def _included(ports: Scratch, root: Path, name: str) -> bool:
-    """Link the files that the MJCF names elsewhere below the root; whether there were any."""
-    ports.run(ListIncludes(file=name))
-    paths = [path for path in json.loads(ports.read("includes.json")) if is_file(root / path)]
-    for path in paths:
-        ports.link(f"tree/{path}", root / path)
-    return bool(paths)
 
 
 def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:

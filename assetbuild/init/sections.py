@@ -125,11 +125,7 @@ def _locked(tree: Tree) -> Iterator[str]:
 
 
 def put_head(
-    draft: Draft,
-    robot: InspectedRobot,
-    anatomy: Anatomy,
-    path: Path,
-    unmended: Sequence[str] = (),
+    draft: Draft, robot: InspectedRobot, anatomy: Anatomy, path: Path, unmended: Sequence[str]
 ) -> None:
     """What the robot is and what no recipe can mend, in a comment, and its name."""
     tree, name = robot.tree, robot.links.name
@@ -194,10 +190,8 @@ def put_actuators(draft: Draft, tuning: Tuning) -> None:
     rows, moving = tuning.drives, tuning.tree.moving_joints
     if not rows:
         return
-    guessed, rotors = (
-        any(row.guess for row in rows),
-        any(row.armature and row.gains for row in rows),
-    )
+    guessed = any(row.guess for row in rows)
+    rotors = any(row.armature and row.gains for row in rows)
     corrected = (f"Corrected: {note}" for note in tuning.notes)
     lines = (*GAINS, *GUESSED * guessed, *ROTORS * rotors, *corrected)
     mimics = [joint.name for joint in moving if joint.mimic is not None]

@@ -199,18 +199,13 @@ def _physical_efforts(
         if joint.mimic is not None:
             continue
         name, unit = joint.name, unit_of(joint)
-        accelerated = ACCELERATION[unit]
-        if unit == "rad":
-            reach = length_below(tree, joint.child)
-            accelerated = min(accelerated, TIP_ACCELERATION / max(reach, 1e-3))
-        gravity = max(load[name] for load in loads)
-        need = MARGIN * gravity + accelerated * inertia.get(name, 0.0)
-        need = max(need, turned.get(name, 0.0))
-        if parts[name] == "finger":
-            need = max(need, GRIP_N * (length_below(tree, joint.child) if unit == "rad" else 1.0))
-        elif parts[name] == "leg":
-            need = max(need, legs[name])
-        needs[name] = max(need, WEAKEST[unit])
+        reach = length_below(tree, joint.child) if unit == "rad" else 1.0
+        tip = TIP_ACCELERATION / max(reach, 1e-3) if unit == "rad" else math.inf
+        moving = min(ACCELERATION[unit], tip) * inertia.get(name, 0.0)
+        need = MARGIN * max(load[name] for load in loads) + moving
+        grip = GRIP_N * reach if parts[name] == "finger" else 0.0
+        others = (turned.get(name, 0.0), legs.get(name, 0.0), grip, WEAKEST[unit])
+        needs[name] = max(need, *others)
     alike = {name: max(needs[twin] for twin in twins[name]) for name in needs}
     return _within_limbs(tree, alike, parts)
 
