@@ -62,7 +62,8 @@ that lie in each other in all of them are made so."""
 JointValues = Mapping[str, float]
 Pair = tuple[str, str]
 Depths = Callable[[JointValues], Mapping[Pair, float]]
-"""Joint values -> depth of overlap by pair of bodies, of their hulls, m; the floor is ""."""
+"""Joint values -> depth of overlap by pair of bodies, of their hulls, m, if above DEEP_M; the floor
+is ""."""
 
 
 def nothing_deep(pose: JointValues) -> Mapping[Pair, float]:
@@ -95,7 +96,7 @@ def home_pose(
     standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
     free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
     drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
-    always = set.intersection(*(_deep(depths, q) for q in (pose, *drawn[:FEW])))
+    always = set.intersection(*({*depths(q)} for q in (pose, *drawn[:FEW])))
     pose = _Search(tree, free, pose, depths, always).best(drawn)
     for name, value in pose.items():  # rounded, and within the limits all the same
         lower, upper = bounds(tree.by_joint[name])
@@ -304,17 +305,13 @@ def made_so(tree: Tree, depths: Depths, home: JointValues) -> dict[Pair, float]:
 
     As the two halves of a gas spring or the bars of a finger do. No pose frees them.
     """
-    deep = {pair: depth for pair, depth in depths(home).items() if depth > DEEP_M and all(pair)}
+    deep = {pair: depth for pair, depth in depths(home).items() if all(pair)}
     free = [joint for joint in tree.moving_joints if joint.mimic is None]
     for pose in sample_poses(free, STARTS)[1:]:
         if deep:
-            now = _deep(depths, pose)
+            now = depths(pose)
             deep = {pair: depth for pair, depth in deep.items() if pair in now}
     return deep
-
-
-def _deep(depths: Depths, pose: JointValues) -> set[Pair]:
-    return {pair for pair, depth in depths(pose).items() if depth > DEEP_M}
 
 
 def _values(joint: Joint, now: float, fine: bool) -> list[float]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from assetbuild.init.draft import Draft
 from assetbuild.init.packages import in_repository, start_of
+from assetbuild.source.get.files import LICENSES
 
 SPDX = (
     "Apache-2.0", "MIT", "MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSD-3-Clause-Clear", "MPL-2.0",
@@ -31,7 +32,6 @@ TEXTS = (
     (r"creative commons attribution 4\.0 international", "CC-BY-4.0"),
 )
 """Words that only the text of one licence has; the first that matches counts."""
-NAMES = ("license", "licence", "copying")
 MOST_BYTES = 200_000
 """Bytes of a licence or a package.xml that are read."""
 ABOVE = 2
@@ -61,7 +61,7 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     most = sum(folder.is_relative_to(root) for folder in above) + ABOVE
     for folder in in_repository(above[:most], most):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
+            if path.name.lower().startswith(LICENSES) and (text := start_of(path, MOST_BYTES)):
                 words = " ".join(text.lower().split())
                 if licence := next((name for own, name in TEXTS if re.search(own, words)), ""):
                     outside = not folder.is_relative_to(root)

@@ -113,14 +113,13 @@ class InspectedRobot:
 
     def clouds_of(self, body: str) -> Iterator[Array]:
         """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
-        links = set(self.links_of(body))
         for role in ("collision", "visual"):
             clouds = []
             for shape in self.shapes.of(role):
-                points = points_of(self.root, shape.geometry) if shape.link in links else None
+                carrier, X_body_shape = self.tree.shape_placement(shape)
+                points = points_of(self.root, shape.geometry) if carrier == body else None
                 if points is not None:
-                    X_body_link = self.tree.placement(shape.link)[1]
-                    clouds.append((X_body_link @ shape.X_link_shape).apply(points))
+                    clouds.append(X_body_shape.apply(points))
             if clouds:
                 yield np.concatenate(clouds)
 
@@ -145,13 +144,12 @@ class InspectedRobot:
         clouds: dict[str, list[Array]] = {}
         unread = set()
         for shape in self.shapes.shapes:
-            body, X_body_link = tree.placement(shape.link)
+            body, X_body_shape = tree.shape_placement(shape)
             hull = self.hull_of(shape.geometry)
             if hull is None:
                 unread.add(body)
             else:
-                points = (X_body_link @ shape.X_link_shape).apply(hull.vertices)
-                clouds.setdefault(body, []).append(points)
+                clouds.setdefault(body, []).append(X_body_shape.apply(hull.vertices))
         return {body: extent_of(clouds[body]) for body in clouds if body not in unread}
 
 

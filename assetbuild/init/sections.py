@@ -21,7 +21,7 @@ from assetbuild.init.collision import (
 )
 from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some, with_remedy
 from assetbuild.init.drives import GAINS, STEP_S, DriveRow
-from assetbuild.init.home import DEEP_M, Pair, made_so
+from assetbuild.init.home import Pair, made_so
 from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, put_up_axis, turned, usual_targets
 from assetbuild.init.packages import lacking
@@ -84,8 +84,7 @@ def urdf_recipe(
             lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep, exclude),
             depths=depths,
         )
-        left = {p: d for p, d in depths(tuning.pose).items() if d > DEEP_M}
-        inside = made_so(tree, depths, tuning.pose)
+        left, inside = depths(tuning.pose), made_so(tree, depths, tuning.pose)
     guessed = tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed)]
     opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)

@@ -21,7 +21,7 @@ from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.init.draft import patterns_of, with_remedy
 from assetbuild.init.drives import DriveRow
-from assetbuild.init.home import Depths, Pair, nothing_deep
+from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot
 from assetbuild.mesh.hull import capped
 from assetbuild.mesh.obj import obj_bytes
@@ -165,7 +165,8 @@ class Stage:
 
         def measured(pose: Mapping[str, float]) -> dict[Pair, float]:
             between = mujoco_trials.depths(model, with_mimics(tree, pose))
-            return self._deepest({pair: d for pair, d in between.items() if stands or pair[0]})
+            deepest = self._deepest({pair: d for pair, d in between.items() if stands or pair[0]})
+            return {pair: depth for pair, depth in deepest.items() if depth > DEEP_M}
 
         return measured
 
