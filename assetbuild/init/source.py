@@ -1,6 +1,6 @@
 """What file the user gave, where the robot's other files lie, and patches for what no build reads.
 
-One folder holds them all.
+One folder holds them all. A xacro is expanded by the step of the build, in the same confined child.
 """
 
 from __future__ import annotations
@@ -16,13 +16,17 @@ from typing import Literal
 from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
+from assetbuild.engine.world import World
 from assetbuild.errors import SourceError, UsageError, Where, nearest
 from assetbuild.findings import Finding
 from assetbuild.init.draft import some
 from assetbuild.init.packages import (
+    above,
     absolute_folders,
     common_folder,
+    declared,
     files_named,
+    find_package,
     find_packages,
     is_file,
     lacking,
@@ -33,15 +37,21 @@ from assetbuild.init.packages import (
     respelled,
     stated,
 )
-from assetbuild.init.xacro import Expanded, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.source.urdf.expand_xacro import (
+    ARGUMENT,
+    MOST_FILES,
+    NOT_INCLUDED,
+    WHERE,
+    ExpandXacro,
+)
 from assetbuild.source.urdf.joints import KINDS
 from assetbuild.source.urdf.read_urdf import ReadUrdf
-from assetbuild.source.urdf.xml import Node, parse
+from assetbuild.source.urdf.xml import XACRO, Node, parse, read_xml
 
 
 @dataclass(frozen=True)
@@ -102,7 +112,7 @@ def find_source(
     data = read_small_file(file, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    by_xacro = is_xacro(file, data)
+    by_xacro = file.suffix == ".xacro" or b"<xacro:" in data
     patches = [] if by_xacro else respelled(real, data)
     data = replaced(data, patches)
     if args and not by_xacro:
@@ -129,6 +139,111 @@ def find_source(
         patches=tuple(patch.model_copy(update={"file": path}) for patch in patches),
     )
 
+
+# --- a xacro --------------------------------------------------------------------------------
+
+MOST_TRIES = 60
+"""Packages that are asked for, one after another."""
+
+_ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
+_ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
+
+Expanded = tuple[bytes, Mapping[str, Path], Mapping[str, str], tuple[str, ...]]
+"""The URDF; the folders of the packages that were used; defaults and absent: see `UrdfSource`."""
+
+
+def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:
+    """Expand a file with its arguments. Raises SourceError as the build would, in words of `init`.
+
+    file: real path. A package that it asks for is found by expanding it again and again. One that
+    is found nowhere is an error only where the robot needs its files.
+    """
+    folders, absent = dict(stated), list[str]()
+    for _ in range(MOST_TRIES):
+        try:
+            return _expanded(file, folders, args, absent)
+        except SourceError as error:
+            _mend(error, file, folders, absent)
+    raise SourceError(f"it asks for more than {MOST_TRIES} things by computed names")
+
+
+def _expanded(
+    file: Path, folders: Mapping[str, Path], args: Mapping[str, str], missing: Collection[str]
+) -> Expanded:
+    """One expansion. missing: packages that were found nowhere."""
+    root = common_folder(file, folders.values(), [])
+    step = ExpandXacro(
+        file=file.relative_to(root).as_posix(),
+        args=dict(sorted(args.items())),
+        packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
+        absent=tuple(sorted(missing)),
+    )
+    with scratch() as ports:
+        ports.link(f"tree/{step.file}", file)
+        for folder in (file.parent, *folders.values()):
+            for path in itertools.islice(World().below(folder, (), NOT_INCLUDED), MOST_FILES):
+                if path.is_file() and not path.is_symlink():
+                    ports.link(f"tree/{path.relative_to(root)}", path)
+        for finding in ports.run(step):
+            if finding.rule == ARGUMENT.id:
+                name = finding.data["argument"]
+                raise SourceError(f"--arg {name}: {finding.message}", hint=finding.hint)
+        urdf = ports.read("robot.urdf")
+        used = json.loads(ports.read("used.json"))
+    text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]
+    needed = {
+        name: folder
+        for name, folder in folders.items()
+        if f"package://{name}/" in text
+        or name in used["packages"]
+        or any(path.is_relative_to(folder) for path in files)
+    }
+    absent = tuple(sorted({*missing} & {*used["packages"]}))
+    return urdf, needed, _defaults([file, *files]), absent
+
+
+def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list[str]) -> None:
+    """Find what an expansion lacked; raise the error, in words of `init`, where that cannot be."""
+    if asked := _ASKED.search(error.message):
+        folder = find_package(asked[1], file)
+        if folder is None:
+            absent.append(asked[1])
+        else:
+            folders[asked[1]] = folder
+    elif own := _own_package(error, file, folders):
+        folders |= own
+    elif absent_package := _ABSENT.search(error.message):  # stated as missing by no recipe yet
+        name = absent_package[1]
+        message = f"`$(find {name})`: no package named `{name}`"
+        raise SourceError(message, where=error.where, hint=WHERE)
+    else:
+        raise error
+
+
+def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) -> dict[str, Path]:
+    """The package that the file lies in, where it includes from there by a relative name."""
+    if "readable files" not in error.message and "declared packages" not in error.message:
+        return {}
+    here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
+    known = here in folders.values() or name in folders
+    return {name: here} if name and not known else {}
+
+
+def _defaults(files: list[Path]) -> dict[str, str]:
+    """Every `<xacro:arg>` of the files that were read, in that order; "" without a default."""
+    defaults: dict[str, str] = {}
+    for path in files:
+        try:
+            root = read_xml(path.read_bytes(), path.name, "xacro").element
+        except SourceError:
+            continue  # xacro has read it; only the list of arguments is shorter
+        for element in root.iter(*(f"{{{uri}}}arg" for uri in XACRO)):
+            if name := element.get("name"):
+                defaults.setdefault(name, element.get("default", ""))
+    return defaults
+
+
+# --- a URDF ---------------------------------------------------------------------------------
 
 NO_LIMIT = (
     "it states no <limit>, which urdfdom and PyBullet refuse; MuJoCo and Isaac Sim let it turn "
