@@ -137,7 +137,7 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
     """What each moving joint is part of, by the robot's anatomy, its names and its size."""
     legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
     carries = {j.name for w in anatomy.turning for j in chain_to(tree, tree.by_joint[w].child)}
-    role_of: dict[str, Role] = {}
+    role_of: dict[str, Role] = {joint.name: "arm" for joint in tree.moving_joints}
     for joint in tree.moving_joints:
         called = _FINGER.fullmatch(f"{joint.name} {joint.child}")
         if joint.name in legs:
@@ -149,10 +149,8 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
             above = chain_to(tree, joint.child)
             limb = legs and _ARM.fullmatch(joint.child) and not _PRESSES.fullmatch(joint.child)
             other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
-            no_finger = joint.name in carries or ((other or limb) and not called)
-            role_of[joint.name] = "arm" if no_finger else "finger"
-        else:
-            role_of[joint.name] = "arm"
+            if joint.name not in carries and (called or not (other or limb)):
+                role_of[joint.name] = "finger"
     return role_of | dict.fromkeys(_alone(tree, role_of), "arm")
 
 

@@ -102,12 +102,10 @@ def _subject(finding: Finding) -> str:
 
 def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
     """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
-    broken = _broken_links(robot)
     wrong = wrong_links(robot) | _weightless(robot)
-    for link, findings in broken.items():
-        grave = next((f for f in findings if f.rule in _BROKEN), None)
-        if grave or link not in wrong:
-            wrong[link] = grave or findings[0]
+    for link, finding in _broken_links(robot).items():
+        if finding.rule in _BROKEN or link not in wrong:
+            wrong[link] = finding
     for link, finding in wrong.items():
         if finding.rule == "inertia.triangle" and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
@@ -125,22 +123,23 @@ def _is_near(robot: InspectedRobot, link: str) -> bool:
     return c <= FACTOR * (a + b)
 
 
-def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
-    """Links to repair with the findings on them; of a merged body those that spoil it."""
+def _broken_links(robot: InspectedRobot) -> dict[str, Finding]:
+    """Links to repair with the gravest finding on them; of a merged body those that spoil it."""
     bad: dict[str, Finding] = {}
     for finding in robot.body_findings:
         grave = finding.rule in _BROKEN and (finding.severity == "error" or _is_dummy(finding))
         if grave or finding.rule == "inertia.triangle":  # MuJoCo refuses small violations too
             bad[_subject(finding)] = finding
-    broken: dict[str, list[Finding]] = {}
+    broken: dict[str, Finding] = {}
     for finding in robot.link_findings:
         kind, _, name = finding.subject.partition(" ")
         if kind == "link" and finding.rule in {*_BROKEN, "inertia.triangle"}:
             body, _ = robot.tree.placement(name)
             if body in bad and _spoils(robot, name):
-                broken.setdefault(name, []).append(finding)
+                graver = finding.rule in _BROKEN and broken.get(name, finding).rule not in _BROKEN
+                broken[name] = finding if graver else broken.get(name, finding)
     explained = {robot.tree.placement(link)[0] for link in broken}
-    return broken | {body: [f] for body, f in bad.items() if body not in explained}
+    return broken | {body: bad[body] for body in bad if body not in explained}
 
 
 def _weightless(robot: InspectedRobot) -> dict[str, Finding]:

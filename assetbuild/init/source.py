@@ -329,7 +329,7 @@ def _refused(
 
 def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch]:
     """A patch for each mesh that is there under one other name: see `_other_case`."""
-    for mesh in meshes:
+    for mesh in meshes if source.key == "urdf" else ():
         stated = PurePosixPath(mesh["path"])
         actual = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
         if actual is not None:
@@ -338,8 +338,7 @@ def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Pat
             same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
             if same and actual.parts[:-same] == stated.parts[:-same]:
                 named = "/".join((*uri_parts[:-same], *actual.parts[-same:]))
-                if source.key == "urdf":
-                    yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
+                yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
 
 
 def _other_case(root: Path, path: str) -> PurePosixPath | None:

@@ -25,6 +25,7 @@ from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot
 from assetbuild.mesh.hull import capped
 from assetbuild.mesh.obj import obj_bytes
+from assetbuild.recipe_types import listed
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
@@ -129,11 +130,10 @@ class Stage:
             if driven_by is not None:
                 made = replace(made, actuators=driven_by.actuators)
                 self.ports.put("control.json", encode(made))
-            else:
-                findings += self.ports.run(Gains(feet="|".join(map(re.escape, self.soles)) or None))
             model = self._compiled()
             if driven_by is None:
-                findings += Trials().dangers(self._on_soles(model))
+                gains = Gains(feet=listed(self.soles) or None)
+                findings += (*self.ports.run(gains), *Trials().dangers(self._on_soles(model)))
             errors = tuple(finding for finding in findings if finding.severity == "error")
             if not self.soles:
                 return Trial(False, "has no shape on its feet to stand on", errors=errors)
@@ -221,7 +221,7 @@ class Stage:
             leans = f"leans by {stood.tilt_rad:.2g} rad after {JUDGE.seconds:g} s"
             return Trial(False, f"{leans}, more than {JUDGE.max_tilt:g}")
         if self.whole:
-            judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, self.soles))})
+            judge = JUDGE.model_copy(update={"feet": listed(self.soles)})
             findings = judge.evaluate(stood, self.robot.tree, self.shapes)
             error = next((finding for finding in findings if finding.severity == "error"), None)
             if error is not None:
