@@ -335,14 +335,10 @@ def _moves(
     if legs:
         feet = ", ".join(leg.foot for leg in legs)
         return "floating", f"{len(legs)} legs of like joints reach the ground: {feet}"
-    by_role = {
-        role: [tree.by_joint[name].child for name, part in turning.items() if part.role == role]
-        for role in ("wheel", "rotor")
-    }
-    if len(rolling := by_role["wheel"]) >= 2:
-        return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"
-    if rotors := by_role["rotor"]:
-        return "floating", f"it flies or dives on {len(rotors)} rotors: {', '.join(rotors)}"
+    for role, least, does in (("wheel", 2, "rolls"), ("rotor", 1, "flies or dives")):
+        on = [tree.by_joint[name].child for name, part in turning.items() if part.role == role]
+        if len(on) >= least:
+            return "floating", f"it {does} on {len(on)} {role}s: {', '.join(on)}"
     if flying := next(filter(_FLYING.fullmatch, [links.name, *links.by_body]), ""):
         return "floating", f"it flies, by the name of `{flying}`"
     if walking := _called_legs(limbs, links.name):

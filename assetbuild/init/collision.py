@@ -26,11 +26,12 @@ COMPOUND = 0.15
 
 ALIKE = 0.9
 """Cosine between two axes that count as parallel."""
+AS_DRAWN = (("method", "auto"), ("from", "visual"))
 BALL = 3.0
 """Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
 
-Rules = dict[str, tuple[dict[str, str], str]]
-"""Link -> its rule and the reason."""
+Rule = tuple[str, tuple[tuple[str, str], ...]]
+"""The reason for a rule of the section, and the keys that it states."""
 
 
 def put_collision(
@@ -79,15 +80,12 @@ def put_collision(
 
 def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
     """Links with a rule of their own, one comment for each kind of it."""
-    alike: dict[str, list[str]] = {}
     rules = _rules(robot, anatomy)
-    for link, (rule, reason) in rules.items():
-        alike.setdefault(f"{inline(rule)} {reason}", []).append(link)
-    for links in alike.values():
-        rule, reason = rules[links[0]]
+    for reason, rule in dict.fromkeys(rules.values()):
+        links = [link for link, stated in rules.items() if stated == (reason, rule)]
         for number, pattern in enumerate(patterns_of(links, list(robot.links.by_body))):
             above = [] if number else [reason]
-            draft.put(rule, "collision", "links", pattern, above=above)
+            draft.put(dict(rule), "collision", "links", pattern, above=above)
 
 
 def _named(depths: Mapping[Pair, float]) -> list[str]:
@@ -101,10 +99,10 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     return [sole for leg in anatomy.legs for sole in leg.soles if sole in shaped]
 
 
-def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
-    """The last word on a link wins."""
+def _rules(robot: InspectedRobot, anatomy: Anatomy) -> dict[str, Rule]:
+    """Return the rule of each link that needs one; the last word wins."""
     role: Role = "collision" if robot.shapes.of("collision") else "visual"
-    solid, rules = robot.shapes.of(role), Rules()
+    solid, rules = robot.shapes.of(role), dict[str, Rule]()
     for shape in solid:  # no method can use a mesh that spans no volume
         if robot.is_flat(shape.geometry):
             rules[shape.link] = _instead(robot, shape.link, role)
@@ -114,22 +112,22 @@ def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
         is_ball = bool(shapes) and separate and all(_is_ball(robot, shape) for shape in shapes)
         if is_ball and leg.foot not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
-            rules[leg.foot] = ({"method": "primitive", "shape": "sphere"}, why)
+            rules[leg.foot] = (why, (("method", "primitive"), ("shape", "sphere")))
     if role == "collision":
         for link in soles_of(robot, anatomy):
             if link not in robot.solid_links:
                 why = "The source's collision leaves out this foot, so that it would stand on air."
-                rules[link] = ({"method": "auto", "from": "visual"}, why)
+                rules[link] = (why, AS_DRAWN)
     return rules
 
 
-def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, str], str]:
+def _instead(robot: InspectedRobot, link: str, role: Role) -> Rule:
     why = f"A {role} mesh of this link is flat and can be no collision shape: "
     shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
     drawn = [shape for shape in shapes if shape.role == "visual"]
     if role == "collision" and drawn and not any(robot.is_flat(s.geometry) for s in drawn):
-        return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
-    return {"method": "none"}, why + "it hits nothing."
+        return why + "what is drawn of it is taken.", AS_DRAWN
+    return why + "it hits nothing.", (("method", "none"),)
 
 
 def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:

@@ -72,7 +72,7 @@ class Draft:
             self.above.setdefault(at, []).extend(plain(line) for line in lines)
 
     def _section(self, keys: Keys) -> dict[str | int, Any]:  # Any: what YAML holds
-        """The mapping in which the last of the keys stands; sections on the way are made."""
+        """Return the mapping in which the last of the keys stands; sections on the way are made."""
         inside = self.data
         for key in keys[:-1]:
             if inside.get(key, NOTHING) is NOTHING:
@@ -96,16 +96,14 @@ class Draft:
         parts: list[tuple[str | int, object]] = []
         if isinstance(value, Mapping | list):
             parts += value.items() if isinstance(value, Mapping) else enumerate(value)
-        if isinstance(keys[-1], int) or not parts or self._is_short(keys, head, value):
+        inside = (key for key in (*self.above, *self.beside) if key[: len(keys)] == keys != key)
+        is_short = len(f"{head} {inline(value)}") <= WIDTH and not any(inside)
+        if isinstance(keys[-1], int) or not parts or is_short:
             yield f"{head} {inline(value)}{remark}"
             return
         yield head + remark
         for key, part in parts:
             yield from self._lines((*keys, key), part)
-
-    def _is_short(self, keys: Keys, head: str, value: object) -> bool:
-        inside = (key for key in (*self.above, *self.beside) if key[: len(keys)] == keys != key)
-        return not any(inside) and len(f"{head} {inline(value)}") <= WIDTH
 
 
 def inline(value: object) -> str:

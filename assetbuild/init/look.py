@@ -92,18 +92,18 @@ class InspectedRobot:
 
     @cached_property
     def up_axes(self) -> dict[str, str]:
-        """Path of each mesh that states another up axis than Z, and which."""
+        """Return the up axis of each mesh that states another one than Z, by its path."""
         meshes = (shape.geometry for shape in self.shapes.shapes)
         paths = dict.fromkeys(mesh.path for mesh in meshes if isinstance(mesh, MeshFile))
         return {path: axis for path in paths if (axis := stated_axis(self.root / path))}
 
     @cached_property
     def at_zero(self) -> dict[str, Pose]:
-        """X_root_link of every link, where all joints are 0."""
+        """Return X_root_link of every link, where all joints are 0."""
         return forward_kinematics(self.links, {})
 
     def axis_of(self, joint: Joint) -> Array:
-        """(3,) unit vector: the axis in the frame of the root, where all joints are 0."""
+        """Return the axis in the frame of the root, where all joints are 0; (3,), a unit vector."""
         axis: Array = self.at_zero[joint.child].rotation @ np.asarray(joint.axis)
         return axis
 
@@ -123,8 +123,18 @@ class InspectedRobot:
             if clouds:
                 yield np.concatenate(clouds)
 
+    @cached_property
+    def lowest_m(self) -> float:
+        """Return the height of the lowest point at 0, m, of what collides, else of what is drawn.
+
+        Meshes that cannot be read are left out.
+        """
+        clouds = {body.name: next(self.clouds_of(body.name), None) for body in self.tree.bodies}
+        placed = (self.at_zero[body].apply(c) for body, c in clouds.items() if c is not None)
+        return min((float(cloud[:, 2].min()) for cloud in placed), default=0.0)
+
     def hull_of(self, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> TriangleMesh | None:
-        """The hull in the frame of the shape, without faces if flat; None where it is unread."""
+        """Return the hull in the frame of the shape, without faces if flat, or None if unread."""
         key = (geometry, up_axis)
         if key not in self.hulls:
             points = points_of(self.root, geometry, up_axis)
@@ -132,12 +142,12 @@ class InspectedRobot:
         return self.hulls[key]
 
     def is_flat(self, geometry: SourceGeometry) -> bool:
-        """Whether it can be read and spans no volume."""
+        """Return whether the geometry can be read and spans no volume."""
         hull = self.hull_of(geometry)
         return hull is not None and not len(hull.faces)
 
     def extents(self, tree: Tree) -> dict[str, Extent]:
-        """What the shapes of each body occupy, where all of them can be read.
+        """Return what the shapes of each body occupy, where all of them can be read.
 
         tree: the robot's links, or its merged bodies.
         """
@@ -193,7 +203,7 @@ LARGEST = 16 << 20
 
 
 def points_of(root: Path, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> Array | None:
-    """(n, 3) m, in the frame of the shape, those that a face uses.
+    """Return the points that a face uses, (n, 3) m, in the frame of the shape.
 
     None for a mesh that the build would refuse, or that is too large. root: the folder that the
     mesh's path starts from.
@@ -222,7 +232,7 @@ _AXIS = re.compile(rb"<asset\b(?:.*?<up_axis>\s*(\w+)\s*<)?", re.DOTALL)
 
 
 def stated_axis(file: Path) -> str:
-    """The up axis that a mesh states, in COLLADA's words; "" for Z, or where it states none."""
+    """Return the up axis that a mesh states, in COLLADA's words; "" for Z, or if it states none."""
     format = format_of(file.name)
     if format in ("glb", "gltf"):
         return "Y_UP"
@@ -285,15 +295,13 @@ def usual_targets(
 
 def not_in_usd(robot: InspectedRobot) -> str:
     """Why no articulation of PhysX is this robot, exactly; "" when one is."""
-    shown = {shape.link for shape in robot.shapes.shapes}
+    tree, shown = robot.tree, {shape.link for shape in robot.shapes.shapes}
     for name in carried(robot):
         return f"{name} has no mass but for the bodies that fixed joints hold to it; {MERGED}"
-    for body in robot.tree.bodies:
-        above = robot.tree.joint_above.get(body.name)
-        if above is None or above.kind != "fixed":
-            continue
-        if is_massless(body) and body.name in shown:
-            return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
+    for joint in tree.joints:
+        name = joint.child
+        if joint.kind == "fixed" and name in shown and is_massless(tree.by_body[name]):
+            return f"{name} has no mass, and is excluded from other pairs than {joint.parent}"
     return ""
 
 

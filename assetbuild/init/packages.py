@@ -130,7 +130,7 @@ def lacking(root: Path, path: str) -> tuple[str, str]:
 
 
 def in_repository(folders: Sequence[Path], otherwise: int) -> Sequence[Path]:
-    """Those of the folders above a file up to its repository; so many where it is in none."""
+    """Cut the folders above a file off at its repository; `otherwise` counts them without one."""
     tops = [number for number, folder in enumerate(folders, 1) if (folder / ".git").exists()]
     return folders[: tops[0] if tops else otherwise]
 

@@ -134,8 +134,10 @@ def _broken_links(robot: InspectedRobot) -> dict[str, Finding]:
     for finding in robot.link_findings:
         kind, _, name = finding.subject.partition(" ")
         if kind == "link" and finding.rule in {*_BROKEN, "inertia.triangle"}:
-            body, _ = robot.tree.placement(name)
-            if body in bad and _spoils(robot, name):
+            (body, _), inertial = robot.tree.placement(name), robot.links.by_body[name].inertial
+            # A massless frame that was merged into a body is no reason for its mass properties.
+            weighs = inertial is not None and inertial.mass_kg > 0.0
+            if body in bad and (name in robot.tree.by_body or weighs):
                 graver = finding.rule in _BROKEN and broken.get(name, finding).rule not in _BROKEN
                 broken[name] = finding if graver else broken.get(name, finding)
     explained = {robot.tree.placement(link)[0] for link in broken}
@@ -159,12 +161,6 @@ def _is_dummy(finding: Finding) -> bool:
         return False
     radius, mass = (float(str(finding.data[key])) for key in ("radius_m", "mass_kg"))
     return mass > DUMMY_DENSITY * 4.0 / 3.0 * math.pi * radius**3
-
-
-def _spoils(robot: InspectedRobot, link: str) -> bool:
-    """A massless frame that was merged into a body is no reason for its mass properties."""
-    inertial = robot.links.by_body[link].inertial
-    return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
 def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:

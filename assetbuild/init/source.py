@@ -83,7 +83,7 @@ class UrdfSource:
         return self.file if self.key == "urdf" else f"{self.file} (expanded)"
 
     def read(self) -> tuple[Tree, SourceShapes, tuple[Finding, ...], list[dict[str, str]]]:
-        """The links, the shapes, what the build's reader says of them, and the meshes it lists."""
+        """Run the build's reader; return links, shapes, findings and the meshes that it lists."""
         step = ReadUrdf(
             file=self.shown,
             base="floating",
@@ -149,7 +149,7 @@ _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 
 Expanded = tuple[bytes, Mapping[str, Path], Mapping[str, str], tuple[str, ...]]
-"""The URDF; the folders of the packages that were used; defaults and absent: see `UrdfSource`."""
+"""The URDF, the folders of the packages in use, `defaults` and `absent` of `UrdfSource`."""
 
 
 def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:

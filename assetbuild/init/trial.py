@@ -80,7 +80,7 @@ class Trial:
 
     @property
     def unmended(self) -> tuple[str, ...]:
-        """What a build has against it, each with the edit that mends it."""
+        """Return what a build has against it, each with the edit that mends it."""
         return (*map(with_remedy, self.errors), *filter(None, (self.refused,)))
 
 
@@ -246,9 +246,9 @@ def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -
 
 
 def _shapes_of(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:
-    """A hull or primitive for each shape of these links that can be read and is not flat.
+    """Write the hulls to `meshes/`; shapes that are flat or cannot be read are left out.
 
-    Those that collide; of a link without any, what is drawn of it. Hulls lie in `meshes/`.
+    The shapes are those of the links that collide; a link without any is taken as it is drawn.
     """
     (ports.folder / "meshes").mkdir()
     of_links = [[shape for shape in robot.shapes.shapes if shape.link == link] for link in links]

@@ -175,7 +175,7 @@ centre of mass is kept for the next."""
 
 
 def _remedied(remedy: str, tuning: Tuning, trial: Trial) -> Tuning | None:
-    """The choice with one of the remedies; None where it would change nothing."""
+    """Choose anew with one of the remedies; None where it would change nothing."""
     (ahead, aside), firmness, step = tuning.shift, tuning.firmness, tuning.timestep
     if remedy == BALANCED:
         x, y = (way if abs(way) >= BALANCED_M else 0.0 for way in trial.off)

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -88,8 +87,7 @@ def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
     """
     free = [joint for joint in robot.tree.moving_joints if turns_freely(robot, joint)]
     discs = [_disc(robot, joint, free) for joint in free]
-    # Its meshes are read when the height of its lowest point is first asked for.
-    wheels = _wheels(discs, cache(lambda: _ground(robot)))
+    wheels = _wheels(robot, discs)
     turning = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
     turning |= _followers(robot, wheels, discs)
     others = [disc for disc in discs if disc.is_last and disc.joint.name not in turning]
@@ -116,20 +114,20 @@ def turns_freely(robot: InspectedRobot, joint: Joint) -> bool:
 # --- wheels ---------------------------------------------------------------------------------
 
 
-def _wheels(discs: Sequence[_Disc], ground: Callable[[], float]) -> list[_Disc]:
+def _wheels(robot: InspectedRobot, discs: Sequence[_Disc]) -> list[_Disc]:
     """Discs that roll on the ground; the topmost of each chain, as a wheel may carry rollers."""
     level = [disc for disc in discs if disc.is_level and disc.is_last]
     named = [disc for disc in level if _WHEEL.fullmatch(disc.name)]
-    rolling = [d for d in level if d.roundness >= ROUND and _touches(d, ground)]
+    rolling = [d for d in level if d.roundness >= ROUND and _touches(robot, d)]
     wheels = [disc for disc in rolling if disc in named or len(_like(disc, rolling)) > 1]
-    wheels += [d for d in named if d not in wheels and (not d.radius or _touches(d, ground))]
+    wheels += [d for d in named if d not in wheels and (not d.radius or _touches(robot, d))]
     wheels += [d for d in named if d not in wheels and len(_like(d, [*wheels, *named])) > 1]
     above = {disc.joint.child for disc in wheels}
     return [disc for disc in wheels if disc.joint.parent not in above]
 
 
-def _touches(disc: _Disc, ground: Callable[[], float]) -> bool:
-    return disc.lowest - ground() <= ON_GROUND * disc.radius
+def _touches(robot: InspectedRobot, disc: _Disc) -> bool:
+    return disc.lowest - robot.lowest_m <= ON_GROUND * disc.radius
 
 
 def _like(disc: _Disc, others: Sequence[_Disc]) -> list[_Disc]:
@@ -187,7 +185,7 @@ def _trail(robot: InspectedRobot, swivel: Joint, wheel: _Disc) -> float:
 
 
 def _disc(robot: InspectedRobot, joint: Joint, free: Sequence[Joint]) -> _Disc:
-    """free: the joints that turn without end."""
+    """Measure the body on one of the joints that turn without end, which are `free`."""
     X_root_body = robot.at_zero[joint.child]
     axis, origin = robot.axis_of(joint), np.asarray(X_root_body.xyz)
     clouds = [X_root_body.apply(cloud) for cloud in robot.clouds_of(joint.child)]
@@ -216,16 +214,6 @@ def _half_widths(points: Array, axis: Array) -> Array:
     directions = np.outer(np.cos(turns), one) + np.outer(np.sin(turns), np.cross(axis, one))
     widths: Array = (points @ directions.T).max(axis=0)
     return widths
-
-
-def _ground(robot: InspectedRobot) -> float:
-    """Height of the robot's lowest point, m, by what collides of a body where anything does.
-
-    Meshes that cannot be read are left out.
-    """
-    clouds = ((body.name, next(robot.clouds_of(body.name), None)) for body in robot.tree.bodies)
-    placed = (robot.at_zero[body].apply(cloud) for body, cloud in clouds if cloud is not None)
-    return min((float(cloud[:, 2].min()) for cloud in placed), default=0.0)
 
 
 def bodies_below(tree: Tree, body: str) -> list[str]:

@@ -55,7 +55,7 @@ def depth_first(root: str, joints: Iterable[Joint]) -> tuple[tuple[str, ...], tu
 
 
 def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
-    """The joints from the root down to a body."""
+    """Return the joints from the root down to a body."""
     chain: list[Joint] = []
     while body in tree.joint_above:
         joint = tree.joint_above[body]
