@@ -165,14 +165,13 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
     Cassie's heel springs state an effort of 0 where its motors state theirs.
     """
     part = anatomy.turning.get(joint.name)
-    if part is not None and part.role == "caster":
+    is_caster = part is not None and part.role == "caster"
+    if is_caster or _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
         return True
-    if _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
-        return True
-    above = [other for other in chain_to(tree, joint.child) if other is not joint]
-    legs = {name.name for leg in anatomy.walks_on for name in leg.joints}
-    legged = joint.name in legs or any(other.name in legs for other in above)
-    return joint.limits.effort == 0.0 and legged and any(o.limits.effort for o in above)
+    chain = chain_to(tree, joint.child)
+    legs = {other.name for leg in anatomy.walks_on for other in leg.joints}
+    legged = any(other.name in legs for other in chain)
+    return joint.limits.effort == 0.0 and legged and any(o.limits.effort for o in chain)
 
 
 # --- the guess ------------------------------------------------------------------------------
@@ -239,15 +238,9 @@ def _within_limbs(
 ) -> dict[str, float]:
     """None but what turns without end is weaker than a share of the strongest of its limb."""
     limbs = {n: (limb_of(tree, tree.by_joint[n]), unit_of(tree.by_joint[n])) for n in needs}
-    strongest: dict[tuple[str, str], float] = {}
-    for name, need in needs.items():
-        strongest[limbs[name]] = max(need, strongest.get(limbs[name], 0.0))
-    return {
-        name: need
-        if parts[name] in VELOCITY_DRIVEN
-        else max(need, LEAST_SHARE * strongest[limbs[name]])
-        for name, need in needs.items()
-    }
+    strongest = {n: max(needs[other] for other in needs if limbs[other] == limbs[n]) for n in needs}
+    least = {n: 0.0 if parts[n] in VELOCITY_DRIVEN else LEAST_SHARE * strongest[n] for n in needs}
+    return {name: max(need, least[name]) for name, need in needs.items()}
 
 
 def rotor_inertia(joint: Joint) -> float:
