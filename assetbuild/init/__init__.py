@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
-from assetbuild.errors import MachineError, SourceError, UsageError, Where
+from assetbuild.errors import MachineError, SourceError, UsageError, Where, quoted
 from assetbuild.init.anatomy import study
 from assetbuild.init.draft import Proposal
 from assetbuild.init.look import judge, look
@@ -66,9 +66,8 @@ def _refuse_what_is_no_description(file: Path) -> None:
     if file.is_dir():
         looked_at = itertools.islice(file.rglob("*"), MOST_LOOKED_AT)
         below = sorted(path for path in looked_at if path.name.endswith(DESCRIPTIONS))
-        names = ", ".join(f"`{shown_path(path)}`" for path in below[:3])
-        more = f" and {len(below) - 3} more" if len(below) > 3 else ""
-        hint = f"name one of its files: {names}{more}" if below else f"name {wanted}"
+        names = quoted(map(shown_path, below), 3, " and {} more")
+        hint = f"name one of its files: {names}" if below else f"name {wanted}"
         raise SourceError("this is a folder", where=Where(shown_path(file)), hint=hint)
     hint = next(
         (hint for words, hint in NO_DESCRIPTIONS.items() if file.name.lower().endswith(words)), ""

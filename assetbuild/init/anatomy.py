@@ -28,7 +28,7 @@ from assetbuild.init.wheels import (
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
-from assetbuild.robot.tree import chain_to, forward_kinematics
+from assetbuild.robot.tree import chain_to
 
 Role = TurningRole | Literal["leg", "finger", "arm"]
 
@@ -115,25 +115,29 @@ class Anatomy:
 def study(robot: InspectedRobot) -> Anatomy:
     """Look the robot over."""
     tree = robot.tree
-    at_zero = forward_kinematics(robot.links, {})
-    extent = np.ptp([pose.xyz for pose in at_zero.values()], axis=0)
+    extent = np.ptp([pose.xyz for pose in robot.at_zero.values()], axis=0)
     turning = what_turns(robot)
     wheels = frozenset(name for name, part in turning.items() if part.role == "wheel")
-    limbs = [_limb(robot, at_zero, tip, wheels) for tip in _leaves(tree)]
-    legs = _legs(limbs, at_zero, float(extent[2]))
+    limbs = [_limb(robot, tip, wheels) for tip in _leaves(tree)]
+    legs = _legs(robot, limbs, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
     doubt = DOUBT.format(root=tree.root) if reason == UNKNOWN else ""
     legs = () if base == "fixed" else legs  # what is bolted stands on nothing
     called = () if legs or base == "fixed" else _called_legs(limbs, robot.links.name)
-    return Anatomy(base, reason, legs, _sensors(robot.links), size, called, turning, doubt)
+    frames = {
+        kind: tuple(name for name in robot.links.by_body if re.fullmatch(pattern, name))
+        for kind, pattern in SENSORS.items()
+    }
+    sensors = {kind: names for kind, names in frames.items() if names}
+    return Anatomy(base, reason, legs, sensors, size, called, turning, doubt)
 
 
 def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
     """What each moving joint is part of, by the robot's anatomy, its names and its size."""
     legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
     carries = {j.name for w in anatomy.turning for j in chain_to(tree, tree.by_joint[w].child)}
-    role_of: dict[str, Role] = {}
+    role_of: dict[str, Role] = {joint.name: "arm" for joint in tree.moving_joints}
     for joint in tree.moving_joints:
         called = _FINGER.fullmatch(f"{joint.name} {joint.child}")
         if joint.name in legs:
@@ -145,10 +149,8 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
             above = chain_to(tree, joint.child)
             limb = legs and _ARM.fullmatch(joint.child) and not _PRESSES.fullmatch(joint.child)
             other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
-            no_finger = joint.name in carries or ((other or limb) and not called)
-            role_of[joint.name] = "arm" if no_finger else "finger"
-        else:
-            role_of[joint.name] = "arm"
+            if joint.name not in carries and (called or not (other or limb)):
+                role_of[joint.name] = "finger"
     return role_of | dict.fromkeys(_alone(tree, role_of), "arm")
 
 
@@ -200,12 +202,12 @@ def _own_length(tree: Tree, body: str) -> float:
 # --- legs -----------------------------------------------------------------------------------
 
 
-def _legs(limbs: list[Leg], at_zero: Mapping[str, Pose], height: float) -> tuple[Leg, ...]:
+def _legs(robot: InspectedRobot, limbs: list[Leg], height: float) -> tuple[Leg, ...]:
     """Limbs of two joints or more that reach the lowest level: two alike, or four called arms."""
     lowest = min((limb.X_root_foot.xyz[2] for limb in limbs), default=0.0)
     down = []
-    for limb in filter(lambda limb: _can_walk(limb, at_zero), limbs):
-        start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
+    for limb in filter(lambda limb: _can_walk(limb, robot), limbs):
+        start, end = robot.at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
         if end - lowest <= LOW * height and start - end >= REACH * height > 0.0:
             down.append(limb)
     named = [limb for limb in down if not _PRESSES.fullmatch(limb.tip)]
@@ -224,17 +226,16 @@ def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
     return tuple(itertools.compress(limbs, (kinds.count(kind) >= least for kind in kinds)))
 
 
-def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
+def _can_walk(limb: Leg, robot: InspectedRobot | None = None) -> bool:
     """It bends, and its last joint has an end, unless it is called a leg.
 
-    at_zero: of a limb with a wheel or without any stop: two joints must swing it, as no steering.
+    robot: of a limb with a wheel or without any stop: two joints must swing it, as no steering.
     """
     if len(limb.joints) < 2:
         return False
     last, kinds = limb.joints[-1], {joint.kind for joint in limb.joints}
-    if at_zero is not None and (limb.rolls or kinds == {"continuous"}):
-        axes = [at_zero[joint.child].rotation @ np.asarray(joint.axis) for joint in limb.joints]
-        return sum(abs(float(axis[2])) < SWIVEL for axis in axes) >= 2
+    if robot is not None and (limb.rolls or kinds == {"continuous"}):
+        return sum(abs(float(robot.axis_of(joint)[2])) < SWIVEL for joint in limb.joints) >= 2
     return last.kind != "continuous" or bool(_LEG.fullmatch(last.child))
 
 
@@ -249,11 +250,9 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
-def _limb(
-    robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str, wheels: Collection[str]
-) -> Leg:
+def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str]) -> Leg:
     """The chain from the last body where the robot branches to `tip`. wheels: joints."""
-    tree, leaves = robot.tree, _leaves(robot.tree)
+    tree, at_zero, leaves = robot.tree, robot.at_zero, _leaves(robot.tree)
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
     # Where no joint states an effort, 0 says nothing.
     states = any(j.limits.effort for j in tree.joints)
@@ -281,16 +280,20 @@ def _limb(
         ),
     )
     if len(joints) < ANKLE:
-        holders = set(_holders(robot.links, foot, tip))
+        holders = {foot}  # and the links between it and the tip, which is the shank
+        for joint in reversed(chain_to(robot.links, foot)):
+            if joint.kind != "fixed" or tip in (joint.child, joint.parent):
+                break
+            holders.add(joint.parent)
         links = [link for link in links if link in holders and not _SHANK.fullmatch(link)]
     soles = tuple(link for link in links if link in solid) or (foot,)
     X_tip_foot = tree.placement(foot)[1]
     if foot == tip and len(joints) < ANKLE:
-        X_tip_foot = _lowest_end(robot, tip, at_zero[tip])
+        X_tip_foot = _lowest_end(robot, tip)
     return Leg(tuple(joints[::-1]), tip, foot, X_tip_foot, at_zero[tip] @ X_tip_foot, soles)
 
 
-def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
+def _lowest_end(robot: InspectedRobot, shank: str) -> Pose:
     """Where a shank without a foot ends: its lowest ball or end of a capsule, else the middle of
     its lowest points, or of its farthest, if it is drawn level; without shapes the knee, its frame.
     """
@@ -300,23 +303,12 @@ def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
             half = 0.0 if isinstance(shape.geometry, Sphere) else shape.geometry.length / 2.0
             ends += [shape.X_link_shape.apply((0.0, 0.0, side * half)) for side in (-1.0, 1.0)]
     points = np.array(ends) if ends else next(robot.clouds_of(shank), np.zeros((1, 3)))
-    low, far = -(points @ X_root_shank.rotation[2]), np.linalg.norm(points, axis=1)
+    low, far = -(points @ robot.at_zero[shank].rotation[2]), np.linalg.norm(points, axis=1)
     out = low if low.max() > far.max() / 2.0 else far
     return Pose(vec3(points[out >= out.max() - TIP_M].mean(axis=0)))
 
 
-def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
-    """The foot and the links between it and the tip, which is the shank."""
-    link = foot
-    while True:
-        yield link
-        joint = links.joint_above.get(link)
-        if link == tip or joint is None or joint.kind != "fixed" or joint.parent == tip:
-            return
-        link = joint.parent
-
-
-# --- base and sensors -----------------------------------------------------------------------
+# --- base -----------------------------------------------------------------------
 
 
 UNKNOWN = "taken as bolted: nothing recognised that stands, rolls, flies or reaches; see above"
@@ -343,14 +335,10 @@ def _moves(
     if legs:
         feet = ", ".join(leg.foot for leg in legs)
         return "floating", f"{len(legs)} legs of like joints reach the ground: {feet}"
-    by_role = {
-        role: [tree.by_joint[name].child for name, part in turning.items() if part.role == role]
-        for role in ("wheel", "rotor")
-    }
-    if len(rolling := by_role["wheel"]) >= 2:
-        return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"
-    if rotors := by_role["rotor"]:
-        return "floating", f"it flies or dives on {len(rotors)} rotors: {', '.join(rotors)}"
+    for role, least, does in (("wheel", 2, "rolls"), ("rotor", 1, "flies or dives")):
+        on = [tree.by_joint[name].child for name, part in turning.items() if part.role == role]
+        if len(on) >= least:
+            return "floating", f"it {does} on {len(on)} {role}s: {', '.join(on)}"
     if flying := next(filter(_FLYING.fullmatch, [links.name, *links.by_body]), ""):
         return "floating", f"it flies, by the name of `{flying}`"
     if walking := _called_legs(limbs, links.name):
@@ -379,12 +367,3 @@ def _stays(robot: InspectedRobot) -> tuple[Base, str]:
     if len(fingers) >= 2:
         return "fixed", f"{len(fingers)} fingers and no arm: a hand, bolted at `{tree.root}`"
     return "fixed", UNKNOWN
-
-
-def _sensors(links: Tree) -> dict[str, tuple[str, ...]]:
-    """Frames that people look for, by kind."""
-    frames = {
-        kind: tuple(name for name in links.by_body if re.fullmatch(pattern, name))
-        for kind, pattern in SENSORS.items()
-    }
-    return {kind: names for kind, names in frames.items() if names}

@@ -10,11 +10,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from assetbuild.facts.derived import SOLIMP
-from assetbuild.grouping import grouped
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
-from assetbuild.init.look import InspectedRobot, points_of
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.tune import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Mimic, Tree
@@ -27,24 +26,26 @@ COMPOUND = 0.15
 
 ALIKE = 0.9
 """Cosine between two axes that count as parallel."""
+AS_DRAWN = (("method", "auto"), ("from", "visual"))
 BALL = 3.0
 """Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
 
-Rules = dict[str, tuple[dict[str, str], str]]
-"""Link -> its rule and the reason."""
+Rule = tuple[str, tuple[tuple[str, str], ...]]
+"""The reason for a rule of the section, and the keys that it states."""
 
 
 def put_collision(
     draft: Draft,
     robot: InspectedRobot,
     anatomy: Anatomy,
+    pairs: Sequence[Pair],
     overlaps: Mapping[Pair, float],
     inside: Mapping[Pair, float],
 ) -> None:
     """The whole section.
 
-    overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
-    lie in each other in every pose.
+    pairs: see `compound_pairs`; overlaps: bodies whose hulls throw the robot over at home, and
+    depths, m; inside: bodies that lie in each other in every pose.
     """
     origin, why = "visual", "the source has no collision shapes"
     if robot.shapes.of("collision"):
@@ -64,7 +65,6 @@ def put_collision(
     _put_rules(draft, robot, anatomy)
     joined = "bodies that a joint connects never collide"
     draft.put(True, "collision", "exclude", "adjacent", beside=joined)
-    pairs = compound_pairs(robot.tree, anatomy.size_m)
     why = "Joints close together make one (a hip, a wrist), or drive links side by side"
     lines = [f"{why}: hulls overlap there."] * bool(pairs)
     if overlaps:
@@ -81,12 +81,11 @@ def put_collision(
 def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
     """Links with a rule of their own, one comment for each kind of it."""
     rules = _rules(robot, anatomy)
-    alike = grouped(rules, lambda link: f"{inline(rules[link][0])} {rules[link][1]}")
-    for links in alike.values():
-        rule, reason = rules[links[0]]
+    for reason, rule in dict.fromkeys(rules.values()):
+        links = [link for link, stated in rules.items() if stated == (reason, rule)]
         for number, pattern in enumerate(patterns_of(links, list(robot.links.by_body))):
             above = [] if number else [reason]
-            draft.put(rule, "collision", "links", pattern, above=above)
+            draft.put(dict(rule), "collision", "links", pattern, above=above)
 
 
 def _named(depths: Mapping[Pair, float]) -> list[str]:
@@ -100,12 +99,12 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     return [sole for leg in anatomy.legs for sole in leg.soles if sole in shaped]
 
 
-def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
-    """The last word on a link wins."""
+def _rules(robot: InspectedRobot, anatomy: Anatomy) -> dict[str, Rule]:
+    """Return the rule of each link that needs one; the last word wins."""
     role: Role = "collision" if robot.shapes.of("collision") else "visual"
-    solid, rules = robot.shapes.of(role), Rules()
+    solid, rules = robot.shapes.of(role), dict[str, Rule]()
     for shape in solid:  # no method can use a mesh that spans no volume
-        if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
+        if robot.is_flat(shape.geometry):
             rules[shape.link] = _instead(robot, shape.link, role)
     for leg in anatomy.legs if len(anatomy.legs) >= 4 else ():
         shapes = [s for s in solid if s.link == leg.foot]
@@ -113,33 +112,32 @@ def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
         is_ball = bool(shapes) and separate and all(_is_ball(robot, shape) for shape in shapes)
         if is_ball and leg.foot not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
-            rules[leg.foot] = ({"method": "primitive", "shape": "sphere"}, why)
+            rules[leg.foot] = (why, (("method", "primitive"), ("shape", "sphere")))
     if role == "collision":
         for link in soles_of(robot, anatomy):
             if link not in robot.solid_links:
                 why = "The source's collision leaves out this foot, so that it would stand on air."
-                rules[link] = ({"method": "auto", "from": "visual"}, why)
+                rules[link] = (why, AS_DRAWN)
     return rules
 
 
-def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, str], str]:
+def _instead(robot: InspectedRobot, link: str, role: Role) -> Rule:
     why = f"A {role} mesh of this link is flat and can be no collision shape: "
     shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
     drawn = [shape for shape in shapes if shape.role == "visual"]
-    flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
-    if role == "collision" and drawn and not any(flat):
-        return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
-    return {"method": "none"}, why + "it hits nothing."
+    if role == "collision" and drawn and not any(robot.is_flat(s.geometry) for s in drawn):
+        return why + "what is drawn of it is taken.", AS_DRAWN
+    return why + "it hits nothing.", (("method", "none"),)
 
 
 def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
     """Whether the mesh's extents, m, differ by less than BALL; a mesh that init leaves unread."""
     if not isinstance(shape.geometry, MeshFile):
         return False
-    points = points_of(robot.root, shape.geometry)
-    if points is None:
+    hull = robot.hull_of(shape.geometry)
+    if hull is None:
         return True
-    extents = np.ptp(points, axis=0)
+    extents = np.ptp(hull.vertices, axis=0)
     return float(extents.max()) < BALL * float(extents.min())
 
 
@@ -252,11 +250,6 @@ def mjcf_hand(
     return [
         link for link in hand_of(robot, anatomy, robot.tree, driven) if link in robot.solid_links
     ]
-
-
-def option_of(control: Control) -> str:
-    """The `<option>` of the source, with what it leaves to MuJoCo's defaults."""
-    return "".join(item.element for item in control.mjcf_only if item.place == "option")
 
 
 def put_own_pads(

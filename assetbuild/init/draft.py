@@ -51,16 +51,16 @@ class Draft:
 
     def put(self, value: object, *keys: str, beside: str = "", above: Iterable[str] = ()) -> None:
         """State a value; sections on the way are made."""
-        self._place(keys, value)
+        self._section(keys)[keys[-1]] = value
         if beside:
             self.beside[keys] = plain(beside)
         self.note(*above, at=keys)
 
     def add(self, value: object, *keys: str, above: Iterable[str] = ()) -> None:
         """Append to the list at these keys."""
-        rows = self._place(keys)
-        if not isinstance(rows, list):
-            rows = self._place(keys, [])
+        rows = self._section(keys).get(keys[-1], NOTHING)
+        if rows is NOTHING:
+            rows = self._section(keys)[keys[-1]] = []
         rows.append(value)
         self.note(*above, at=(*keys, len(rows) - 1))
 
@@ -68,19 +68,17 @@ class Draft:
         """Comments above a key, which need not have a value."""
         if lines:
             if isinstance(at[-1], str):
-                self._place(tuple(map(str, at)))
+                self._section(at).setdefault(at[-1], NOTHING)
             self.above.setdefault(at, []).extend(plain(line) for line in lines)
 
-    def _place(self, keys: tuple[str, ...], value: object = NOTHING) -> Any:
-        """Set a value that is one, and return what stands at the keys."""
-        inside: dict[str | int, Any] = self.data  # Any: what YAML holds
+    def _section(self, keys: Keys) -> dict[str | int, Any]:  # Any: what YAML holds
+        """Return the mapping in which the last of the keys stands; sections on the way are made."""
+        inside = self.data
         for key in keys[:-1]:
             if inside.get(key, NOTHING) is NOTHING:
                 inside[key] = {}
             inside = inside[key]
-        if value is not NOTHING or keys[-1] not in inside:
-            inside[keys[-1]] = value
-        return inside[keys[-1]]
+        return inside
 
     @property
     def text(self) -> str:
@@ -98,16 +96,14 @@ class Draft:
         parts: list[tuple[str | int, object]] = []
         if isinstance(value, Mapping | list):
             parts += value.items() if isinstance(value, Mapping) else enumerate(value)
-        if isinstance(keys[-1], int) or not parts or self._is_short(keys, head, value):
+        inside = (key for key in (*self.above, *self.beside) if key[: len(keys)] == keys != key)
+        is_short = len(f"{head} {inline(value)}") <= WIDTH and not any(inside)
+        if isinstance(keys[-1], int) or not parts or is_short:
             yield f"{head} {inline(value)}{remark}"
             return
         yield head + remark
         for key, part in parts:
             yield from self._lines((*keys, key), part)
-
-    def _is_short(self, keys: Keys, head: str, value: object) -> bool:
-        inside = (key for key in (*self.above, *self.beside) if key[: len(keys)] == keys != key)
-        return not any(inside) and len(f"{head} {inline(value)}") <= WIDTH
 
 
 def inline(value: object) -> str:

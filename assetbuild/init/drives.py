@@ -173,21 +173,20 @@ def drive_rows(
 def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
     """Joints of one kind, parted by what they move; those of standing legs all move the robot."""
     legs, others = [one for one in felt if one.load], [one for one in felt if not one.load]
-    classes = [legs] * bool(legs)
     positions = kind.effort is not None and kind.role not in VELOCITY_DRIVEN
-    if not positions or any(one.inertia <= 0.0 for one in others):
-        return [*classes, others] if others else classes
+    parted = positions and all(one.inertia > 0.0 for one in others)
     alike: list[list[_Felt]] = []
-    for one in sorted(others, key=lambda one: -one.inertia):
+    for one in sorted(others, key=lambda one: -one.inertia) if parted else ():
         last = alike[-1] if alike else []
         near = last and last[-1].inertia < TWINS * one.inertia
         if near or (last and last[0].inertia <= SPAN * one.inertia):
             last.append(one)
         else:
             alike.append([one])
-    if len(alike) > CLASSES:
-        return [*classes, others]
-    return [*classes, *([one for one in others if one in part] for part in alike)]
+    if not 0 < len(alike) <= CLASSES:
+        alike = [others]
+    in_order = [[one for one in others if one in part] for part in alike]
+    return [part for part in (legs, *in_order) if part]
 
 
 def _kind(joint: Joint, guess: Guess | None, part: Turning | None) -> DriveRow:

@@ -19,6 +19,7 @@ import numpy as np
 
 from assetbuild.init.anatomy import ANKLE, Leg
 from assetbuild.init.strength import bounds, gravity_loads, resting, sample_poses
+from assetbuild.init.wheels import bodies_below
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -61,7 +62,8 @@ that lie in each other in all of them are made so."""
 JointValues = Mapping[str, float]
 Pair = tuple[str, str]
 Depths = Callable[[JointValues], Mapping[Pair, float]]
-"""Joint values -> depth of overlap by pair of bodies, of their hulls, m; the floor is ""."""
+"""Joint values -> depth of overlap by pair of bodies, of their hulls, m, if above DEEP_M; the floor
+is ""."""
 
 
 def nothing_deep(pose: JointValues) -> Mapping[Pair, float]:
@@ -94,16 +96,13 @@ def home_pose(
     standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
     free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
     drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
-    always = set.intersection(*(_deep(depths, q) for q in (pose, *drawn[:FEW])))
+    always = set.intersection(*({*depths(q)} for q in (pose, *drawn[:FEW])))
     pose = _Search(tree, free, pose, depths, always).best(drawn)
-    return {name: _inside(tree.by_joint[name], value) for name, value in pose.items()}
-
-
-def _inside(joint: Joint, value: float) -> float:
-    """Rounded to 3 decimals and within the limits all the same."""
-    lower, upper = bounds(joint)
-    rounded = min(max(round(value, 3), lower), upper) + 0.0
-    return rounded if math.isfinite(rounded) else 0.0
+    for name, value in pose.items():  # rounded, and within the limits all the same
+        lower, upper = bounds(tree.by_joint[name])
+        rounded = min(max(round(value, 3), lower), upper) + 0.0
+        pose[name] = rounded if math.isfinite(rounded) else 0.0
+    return pose
 
 
 # --- legs -----------------------------------------------------------------------------------
@@ -278,7 +277,11 @@ class _Search:
         at = now[mover.name]
         values = [at, *_values(mover, at, fine=not isinstance(worst, str))]
         pull = PULL if mover.name == worst else PULL_BEYOND
-        pull *= 1.0 + TRUNK * self._share(mover)
+        carried = [
+            self.tree.by_body[body].inertial for body in bodies_below(self.tree, mover.child)
+        ]
+        share = math.fsum(i.mass_kg for i in carried if i) / total_mass(self.tree)
+        pull *= 1.0 + TRUNK * share
         pull /= max(values) - min(values) or 1.0
 
         def cost(value: float) -> float:
@@ -287,11 +290,6 @@ class _Search:
 
         best = min(values, key=cost)
         return best, cost(best)
-
-    def _share(self, joint: Joint) -> float:
-        """What the joint carries, of all mass."""
-        carried = [b for b in self.tree.bodies if joint in chain_to(self.tree, b.name)]
-        return math.fsum(b.inertial.mass_kg for b in carried if b.inertial) / total_mass(self.tree)
 
     def _movers(self, worst: str | Pair) -> list[Joint]:
         """The joint and those beyond it; those that move one body against the other."""
@@ -307,17 +305,13 @@ def made_so(tree: Tree, depths: Depths, home: JointValues) -> dict[Pair, float]:
 
     As the two halves of a gas spring or the bars of a finger do. No pose frees them.
     """
-    deep = {pair: depth for pair, depth in depths(home).items() if depth > DEEP_M and all(pair)}
+    deep = {pair: depth for pair, depth in depths(home).items() if all(pair)}
     free = [joint for joint in tree.moving_joints if joint.mimic is None]
     for pose in sample_poses(free, STARTS)[1:]:
         if deep:
-            now = _deep(depths, pose)
+            now = depths(pose)
             deep = {pair: depth for pair, depth in deep.items() if pair in now}
     return deep
-
-
-def _deep(depths: Depths, pose: JointValues) -> set[Pair]:
-    return {pair for pair, depth in depths(pose).items() if depth > DEEP_M}
 
 
 def _values(joint: Joint, now: float, fine: bool) -> list[float]:

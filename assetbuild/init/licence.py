@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.init.draft import Draft
-from assetbuild.init.packages import start_of
+from assetbuild.init.packages import in_repository, start_of
+from assetbuild.source.get.files import LICENSES
 
 SPDX = (
     "Apache-2.0", "MIT", "MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSD-3-Clause-Clear", "MPL-2.0",
@@ -32,7 +32,6 @@ TEXTS = (
     (r"creative commons attribution 4\.0 international", "CC-BY-4.0"),
 )
 """Words that only the text of one licence has; the first that matches counts."""
-NAMES = ("license", "licence", "copying")
 MOST_BYTES = 200_000
 """Bytes of a licence or a package.xml that are read."""
 ABOVE = 2
@@ -58,10 +57,11 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
 
     root: of the source; file: the description, below it.
     """
-    robot = root / file
-    for folder in folders_above(root, robot):
+    above = (root / file).parents
+    most = sum(folder.is_relative_to(root) for folder in above) + ABOVE
+    for folder in in_repository(above[:most], most):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
+            if path.name.lower().startswith(LICENSES) and (text := start_of(path, MOST_BYTES)):
                 words = " ".join(text.lower().split())
                 if licence := next((name for own, name in TEXTS if re.search(own, words)), ""):
                     outside = not folder.is_relative_to(root)
@@ -85,19 +85,6 @@ def put_licence(draft: Draft, root: Path, file: str) -> None:
     else:
         draft.note(f"{said_by} says {words!r}: write the SPDX name of this robot's", at=at)
         draft.note("license:", at=at)
-
-
-def folders_above(root: Path, robot: Path) -> Iterator[Path]:
-    """From the description's folder up to the source's root, and a little above it."""
-    above = 0
-    for folder in robot.parents:
-        inside = folder.is_relative_to(root)
-        above += not inside
-        if above > ABOVE:
-            return
-        yield folder
-        if (folder / ".git").exists():
-            return
 
 
 def _of_package(text: str) -> StatedLicence | None:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import astuple, dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import astuple, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import get_args
 
@@ -22,11 +22,11 @@ from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.draft import Draft, patterns_of, plain, some
 from assetbuild.init.source import UrdfSource
 from assetbuild.mesh.companions import companions_of, format_of
-from assetbuild.mesh.hull import refuse_flat
+from assetbuild.mesh.hull import hull_or_points
 from assetbuild.mesh.hulls import extent_of
-from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.chains import is_massless, split, weighs
 from assetbuild.robot.codec import encode
@@ -38,12 +38,11 @@ from assetbuild.robot.contradictions import (
     reach_of,
     twins_apart,
 )
-from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import move_inertial, principal_moments
-from assetbuild.robot.model import Base, Tree
-from assetbuild.robot.pose import Array, vec3
-from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShape, SourceShapes
-from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.robot.pose import Array, Pose, vec3
+from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShapes
+from assetbuild.robot.tree import forward_kinematics, merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.read_urdf import WORLD_JOINT
 
@@ -54,7 +53,7 @@ class InspectedRobot:
 
     source_findings: what the reader of the source said. planar: joints of the source that are split
     into joints of one coordinate, which all formats hold. root: folder of the source's files.
-    turned: paths of the meshes that the recipe turns as their files say.
+    turned: paths of the meshes that the recipe turns as their files say. hulls: see `hull_of`.
     """
 
     links: Tree
@@ -66,6 +65,9 @@ class InspectedRobot:
     planar: tuple[str, ...] = ()
     root: Path = Path()
     turned: frozenset[str] = frozenset()
+    hulls: dict[tuple[SourceGeometry, UpAxis], TriangleMesh | None] = field(
+        default_factory=dict, compare=False
+    )
 
     @property
     def unranged(self) -> tuple[str, ...]:
@@ -90,47 +92,88 @@ class InspectedRobot:
         solid = self.shapes.of("collision") or self.shapes.of("visual")
         return frozenset(shape.link for shape in solid)
 
+    @cached_property
+    def up_axes(self) -> dict[str, str]:
+        """Return the up axis of each mesh that states another one than Z, by its path."""
+        meshes = (shape.geometry for shape in self.shapes.shapes)
+        paths = dict.fromkeys(mesh.path for mesh in meshes if isinstance(mesh, MeshFile))
+        return {path: axis for path in paths if (axis := stated_axis(self.root / path))}
+
+    @cached_property
+    def at_zero(self) -> dict[str, Pose]:
+        """Return X_root_link of every link, where all joints are 0."""
+        return forward_kinematics(self.links, {})
+
+    def axis_of(self, joint: Joint) -> Array:
+        """Return the axis in the frame of the root, where all joints are 0; (3,), a unit vector."""
+        axis: Array = self.at_zero[joint.child].rotation @ np.asarray(joint.axis)
+        return axis
+
     def links_of(self, body: str) -> list[str]:
         """The links that became one body."""
         return [name for name in self.links.by_body if self.tree.placement(name)[0] == body]
 
     def clouds_of(self, body: str) -> Iterator[Array]:
         """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
-        links = set(self.links_of(body))
         for role in ("collision", "visual"):
             clouds = []
             for shape in self.shapes.of(role):
-                points = points_of(self.root, shape.geometry) if shape.link in links else None
+                carrier, X_body_shape = self.tree.shape_placement(shape)
+                points = points_of(self.root, shape.geometry) if carrier == body else None
                 if points is not None:
-                    X_body_link = self.tree.placement(shape.link)[1]
-                    clouds.append((X_body_link @ shape.X_link_shape).apply(points))
+                    clouds.append(X_body_shape.apply(points))
             if clouds:
                 yield np.concatenate(clouds)
 
-    def is_flat(self, mesh: MeshFile) -> bool:
-        """Whether the mesh can be read and spans no volume."""
-        points = points_of(self.root, mesh)
-        try:
-            if points is not None:
-                refuse_flat(points, "points")
-        except StepError:
-            return True
-        return False
+    @cached_property
+    def lowest_m(self) -> float:
+        """Return the height of the lowest point at 0, m, of what collides, else of what is drawn.
+
+        Meshes that cannot be read are left out.
+        """
+        clouds = {body.name: next(self.clouds_of(body.name), None) for body in self.tree.bodies}
+        placed = (self.at_zero[body].apply(c) for body, c in clouds.items() if c is not None)
+        return min((float(cloud[:, 2].min()) for cloud in placed), default=0.0)
+
+    def hull_of(self, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> TriangleMesh | None:
+        """Return the hull in the frame of the shape, without faces if flat, or None if unread."""
+        key = (geometry, up_axis)
+        if key not in self.hulls:
+            points = points_of(self.root, geometry, up_axis)
+            self.hulls[key] = None if points is None else hull_or_points(points)
+        return self.hulls[key]
+
+    def is_flat(self, geometry: SourceGeometry) -> bool:
+        """Return whether the geometry can be read and spans no volume."""
+        hull = self.hull_of(geometry)
+        return hull is not None and not len(hull.faces)
+
+    def extents(self, tree: Tree) -> dict[str, Extent]:
+        """Return what the shapes of each body occupy, where all of them can be read.
+
+        tree: the robot's links, or its merged bodies.
+        """
+        clouds: dict[str, list[Array]] = {}
+        unread = set()
+        for shape in self.shapes.shapes:
+            body, X_body_shape = tree.shape_placement(shape)
+            hull = self.hull_of(shape.geometry)
+            if hull is None:
+                unread.add(body)
+            else:
+                clouds.setdefault(body, []).append(X_body_shape.apply(hull.vertices))
+        return {body: extent_of(clouds[body]) for body in clouds if body not in unread}
 
 
 def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
-    with scratch() as ports:
-        ports.put("robot.urdf", source.data)
-        findings = ports.run(source.reader())
-        read = RobotFiles(ports.folder)
-        planar = tuple(joint.name for joint in read.links.joints if joint.kind == "planar")
-        links = split(read.links, frozenset(planar))
-        tree, _ = merge_fixed_joints(links, True, ())
-        shapes = read.source_shapes
-        return InspectedRobot(
-            links, tree, shapes, source_findings=findings, planar=planar, root=source.root
-        )
+    read, shapes, findings, _ = source.read()
+    planar = tuple(joint.name for joint in read.joints if joint.kind == "planar")
+    links = split(read, frozenset(planar))
+    tree, _ = merge_fixed_joints(links, True, ())
+    return InspectedRobot(
+        links, tree, shapes, source_findings=findings, planar=planar, root=source.root
+    )
 
 
 def judge(robot: InspectedRobot, base: Base, kept: Collection[str] | None = None) -> InspectedRobot:
@@ -161,81 +204,68 @@ LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
 
-def points_of(root: Path, geometry: SourceGeometry) -> Array | None:
-    """(n, 3) m, in the frame of the shape; None for a mesh that `mesh_of` leaves unread."""
+def points_of(root: Path, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> Array | None:
+    """Return the points that a face uses, (n, 3) m, in the frame of the shape.
+
+    None for a mesh that the build would refuse, or that is too large. root: the folder that the
+    mesh's path starts from.
+    """
     if not isinstance(geometry, MeshFile):
         return tessellate(geometry).vertices
-    read = mesh_of(root, geometry)
-    return None if read is None else scaled_points(read, geometry)
-
-
-def scaled_points(read: SourceMesh, mesh: MeshFile) -> Array:
-    """(n, 3) m, of the points that a face uses."""
+    path, subject = root / geometry.path, geometry.path
+    format = FORMATS.get(path.suffix.lower())
+    try:
+        if format is None or path.stat().st_size > LARGEST:
+            return None
+        data = path.read_bytes()
+        names = companions_of(data, "gltf") if format == "gltf" else ()
+        beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
+        read = read_mesh(data, format, companions=beside, up_axis=up_axis, subject=subject)
+    except (StepError, OSError):
+        return None
     used = [part.mesh.vertices[part.mesh.is_used] for part in read.parts]
-    points: Array = np.concatenate(used) * np.array(mesh.scale)
+    points: Array = np.concatenate(used) * np.array(geometry.scale)
     return points
 
 
-def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMesh | None:
-    """What the file holds; None for one that the build would refuse, or that is too large.
-
-    root: the folder that the mesh's path starts from.
-    """
-    path = root / mesh.path
-    format = FORMATS.get(path.suffix.lower())
-    try:
-        if format is not None and path.stat().st_size <= LARGEST:
-            data = path.read_bytes()
-            names = companions_of(data, "gltf") if format == "gltf" else ()
-            beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
-            return read_mesh(data, format, companions=beside, up_axis=up_axis, subject=mesh.path)
-    except (StepError, OSError):
-        pass
-    return None
-
-
-Z_UP = re.compile(rb"<up_axis>\s*Z_UP\s*<")
 HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
+_AXIS = re.compile(rb"<asset\b(?:.*?<up_axis>\s*(\w+)\s*<)?", re.DOTALL)
+
+
+def stated_axis(file: Path) -> str:
+    """Return the up axis that a mesh states, in COLLADA's words; "" for Z, or if it states none."""
+    format = format_of(file.name)
+    if format in ("glb", "gltf"):
+        return "Y_UP"
+    try:
+        with file.open("rb") as opened:
+            asset = _AXIS.search(opened.read(HEAD)) if format == "dae" else None
+    except OSError:
+        return ""
+    axis = (asset[1] or b"Y_UP").decode("ascii", "replace") if asset else ""
+    return axis if axis != "Z_UP" else ""
 
 
 def turned(robot: InspectedRobot) -> frozenset[str]:
     """Paths of the meshes that the recipe turns as their files say."""
-    links = {shape.link for shape in robot.shapes.shapes if _may_say_so(robot, shape)}
     records = {}
-    for shape in robot.shapes.shapes:
-        mesh = shape.geometry if shape.link in links else None
-        read = mesh_of(robot.root, mesh) if isinstance(mesh, MeshFile) else None
-        if read is not None and isinstance(mesh, MeshFile):  # else the build says what is wrong
-            points = scaled_points(read, mesh)
-            lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
-            record = ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
-            records[shape.name] = record
-    return frozenset(meshes_to_turn(robot.links, robot.shapes, records) if records else ())
+    for shape in robot.shapes.shapes if robot.up_axes else ():
+        hull = robot.hull_of(shape.geometry) if isinstance(shape.geometry, MeshFile) else None
+        if hull is not None and isinstance(shape.geometry, MeshFile):
+            lower, upper = vec3(hull.vertices.min(axis=0)), vec3(hull.vertices.max(axis=0))
+            axis = robot.up_axes.get(shape.geometry.path)
+            records[shape.name] = ConvertedMesh((), 0, 0.0, lower, upper, False, None, axis)
+    return meshes_to_turn(robot.links, robot.shapes, records) if records else frozenset()
 
 
 def put_up_axis(draft: Draft, robot: InspectedRobot, turn: frozenset[str]) -> None:
     """The key `honour_up_axis`, where a mesh needs it."""
-    doubted = (s.geometry for s in robot.shapes.shapes if _may_say_so(robot, s))
-    stated = {mesh.path for mesh in doubted if isinstance(mesh, MeshFile)}
+    stated = sorted(robot.up_axes)
     if turn:
-        patterns = [".*"] if turn == stated else patterns_of(sorted(turn), sorted(stated))
+        patterns = [".*"] if turn == {*stated} else patterns_of(sorted(turn), stated)
         why = f"turned as their files say: {len(turn)} of {len(stated)} meshes that state an axis "
         draft.put(patterns, "source", "honour_up_axis", beside=why + "fit their links better so")
-
-
-def _may_say_so(robot: InspectedRobot, shape: SourceShape) -> bool:
-    """May the file state an axis other than Z? A glTF does, and a COLLADA that says nothing."""
-    if not isinstance(shape.geometry, MeshFile):
-        return False
-    format = format_of(shape.geometry.path)
-    if format in ("glb", "gltf"):
-        return True
-    try:
-        with (robot.root / shape.geometry.path).open("rb") as file:
-            return format == "dae" and not Z_UP.search(file.read(HEAD))
-    except OSError:
-        return False
 
 
 MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"
@@ -267,15 +297,13 @@ def usual_targets(
 
 def not_in_usd(robot: InspectedRobot) -> str:
     """Why no articulation of PhysX is this robot, exactly; "" when one is."""
-    shown = {shape.link for shape in robot.shapes.shapes}
+    tree, shown = robot.tree, {shape.link for shape in robot.shapes.shapes}
     for name in carried(robot):
         return f"{name} has no mass but for the bodies that fixed joints hold to it; {MERGED}"
-    for body in robot.tree.bodies:
-        above = robot.tree.joint_above.get(body.name)
-        if above is None or above.kind != "fixed":
-            continue
-        if is_massless(body) and body.name in shown:
-            return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
+    for joint in tree.joints:
+        name = joint.child
+        if joint.kind == "fixed" and name in shown and is_massless(tree.by_body[name]):
+            return f"{name} has no mass, and is excluded from other pairs than {joint.parent}"
     return ""
 
 
@@ -291,91 +319,30 @@ def carried(robot: InspectedRobot) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Weighed:
-    """A robot with what its shapes occupy."""
-
-    robot: InspectedRobot
-
-    @cached_property
-    def by_link(self) -> dict[str, Extent]:
-        """Links with shapes that can all be read."""
-        return {link: extent_of(points) for link, points in self._clouds.items() if points}
-
-    @cached_property
-    def by_body(self) -> dict[str, Extent]:
-        """The same of merged bodies."""
-        parts: dict[str, list[Extent]] = {}
-        unread = {link for link, clouds in self._clouds.items() if not clouds}
-        placed = {link: self.robot.tree.placement(link) for link in self._clouds}
-        for link, extent in self.by_link.items():
-            body, X_body_link = placed[link]
-            moved = replace(extent, points=X_body_link.apply(extent.points))
-            parts.setdefault(body, []).append(moved)
-        for link in unread:
-            parts.pop(placed[link][0], None)
-        return {
-            body: one if not others else extent_of([part.points for part in (one, *others)])
-            for body, (one, *others) in parts.items()
-        }
-
-    @cached_property
-    def _clouds(self) -> dict[str, list[Array]]:
-        """Points by link; none of a link with a shape that cannot be read."""
-        clouds: dict[str, list[Array | None]] = {}
-        for shape in self.robot.shapes.shapes:
-            points = _corners(self.robot.root, shape.geometry)
-            arrays = clouds.setdefault(shape.link, [])
-            arrays.append(None if points is None else shape.X_link_shape.apply(points))
-        return {
-            link: [] if any(p is None for p in arrays) else [p for p in arrays if p is not None]
-            for link, arrays in clouds.items()
-        }
-
-    def findings(self) -> tuple[Finding, ...]:
-        """What a build will find contradicted."""
-        return tuple(contradictions(self.robot.tree, self.by_body))
-
-    def wrong_links(self) -> dict[str, Finding]:
-        """Links that make a body contradicted, where it is known which they are."""
-        links, tree = self.robot.links, self.robot.tree
-        bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
-        wrong = {*beyond_reach(links, self.by_link)}
-        twins = twins_apart(links, self.by_link)
-        wrong |= {each.subject.removeprefix("link ") for each in twins if each.data["sure"]}
-        beyond = beyond_reach(tree, self.by_body)
-        wrong |= {link for body in beyond for link in self.robot.links_of(body)
-                  if self._is_beyond(link, body)}  # fmt: skip
-        placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
-        return {link: bodies[body] for link, body in placed.items() if body in bodies}
-
-    def _is_beyond(self, link: str, body: str) -> bool:
-        """Whether the shapes of a merged body rule out the inertia of one of its links.
-
-        That link may have no shape of its own: a fingertip's frame with a placeholder.
-        """
-        inertial = self.robot.links.by_body[link].inertial
-        if inertial is None:
-            return False
-        moved = move_inertial(inertial, self.robot.tree.placement(link)[1])
-        reach = reach_of(moved, self.by_body[body])
-        largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
-        return largest > FACTOR * inertial.mass_kg * reach**2
+def wrong_links(robot: InspectedRobot) -> dict[str, Finding]:
+    """Links that make a body contradicted, where it is known which they are."""
+    links, tree = robot.links, robot.tree
+    by_link, by_body = robot.extents(links), robot.extents(tree)
+    found = {f.subject.removeprefix("link "): f for f in contradictions(tree, by_body)}
+    wrong = {*beyond_reach(links, by_link)}
+    twins = twins_apart(links, by_link)
+    wrong |= {each.subject.removeprefix("link ") for each in twins if each.data["sure"]}
+    for body in beyond_reach(tree, by_body):
+        beyond = (link for link in robot.links_of(body) if _is_beyond(robot, link, by_body[body]))
+        wrong.update(beyond)
+    placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
+    return {link: found[body] for link, body in placed.items() if body in found}
 
 
-def _corners(root: Path, geometry: SourceGeometry) -> Array | None:
-    """(n, 3) m, of a primitive or of a mesh's hull; None where it cannot be read."""
-    if not isinstance(geometry, MeshFile):
-        return points_of(root, geometry)
-    try:
-        stamp = (root / geometry.path).stat()
-    except OSError:
-        return None
-    return _hull_points(root, geometry, (stamp.st_mtime_ns, stamp.st_size))
+def _is_beyond(robot: InspectedRobot, link: str, extent: Extent) -> bool:
+    """Whether the shapes of a merged body rule out the inertia of one of its links.
 
-
-@lru_cache(maxsize=1024)
-def _hull_points(root: Path, mesh: MeshFile, stamp: tuple[int, int]) -> Array | None:
-    """See `_corners`. stamp: of its file."""
-    points = points_of(root, mesh)
-    return None if points is None else extent_of([points]).points
+    That link may have no shape of its own: a fingertip's frame with a placeholder.
+    """
+    inertial = robot.links.by_body[link].inertial
+    if inertial is None:
+        return False
+    moved = move_inertial(inertial, robot.tree.placement(link)[1])
+    reach = reach_of(moved, extent)
+    largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
+    return largest > FACTOR * inertial.mass_kg * reach**2

@@ -12,13 +12,12 @@ from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
 from assetbuild.control.ground import Ground
-from assetbuild.engine.scratch import Scratch, scratch
+from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import (
     mjcf_hand,
-    option_of,
     put_own_loops,
     put_own_pads,
     soles_of,
@@ -26,14 +25,13 @@ from assetbuild.init.collision import (
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, home_pose
 from assetbuild.init.licence import put_source
-from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd
+from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import put_repairs, repairs
 from assetbuild.init.sections import (
     put_actuators,
     put_head,
     put_home,
-    put_targets,
     put_validation,
 )
 from assetbuild.init.strength import bounds, with_efforts
@@ -108,11 +106,14 @@ def find_mjcf(file: Path) -> MjcfSource:
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
     """The build's own steps, run on the spot."""
     with scratch() as ports:
-        for path in sorted((root / name).parent.rglob("*.xml")):
-            if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
+        beside = sorted((root / name).parent.rglob("*.xml"))  # what may be an include
+        files = [path for path in beside if is_file(path) and path.stat().st_size <= MAX_BYTES]
+        while files:
+            for path in files:
                 ports.link(f"tree/{path.relative_to(root)}", path)
-        while _included(ports, root, name):
-            pass
+            ports.run(ListIncludes(file=name))  # those that it names elsewhere
+            files = [root / path for path in json.loads(ports.read("includes.json"))]
+            files = [path for path in files if is_file(path)]
         body, newest = bodies[0] if bodies else None, float(NEWEST)
         ports.run(FlattenMjcf(file=name, body=body, grammar=newest))
         newer = newer_words_of(ports.read("source.xml"))
@@ -170,23 +171,11 @@ def _mended(
     for joint in fixed:  # a parent before its children
         if joint.parent in held:
             held.add(joint.child)
-    without_held = [name for name in bodies if name not in held or name in weak]
     weak_on_others = {joint.child for joint in fixed} & set(weak)
-    without_weak = [name for name in bodies if name not in weak_on_others]
-    without_both = [name for name in without_weak if name not in held]
-    for kept in (without_held, without_weak, without_both):
-        mended = judge(built, built.links.base, kept)
+    for merged in (held - set(weak), weak_on_others, held | weak_on_others):
+        mended = judge(built, built.links.base, [name for name in bodies if name not in merged])
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
-
-
-def _included(ports: Scratch, root: Path, name: str) -> bool:
-    """Link the files that the MJCF names elsewhere below the root; whether there were any."""
-    ports.run(ListIncludes(file=name))
-    paths = [path for path in json.loads(ports.read("includes.json")) if is_file(root / path)]
-    for path in paths:
-        ports.link(f"tree/{path}", root / path)
-    return bool(paths)
 
 
 def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
@@ -198,8 +187,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     stated = joint_springs(control.mjcf_only)
     is_sprung = 2 * len(stated) > len(alone) and not anatomy.walks_on
     idle = robot.tree.moving_joints and not (_driven(control) or is_sprung)
-    tuning = _tuned(source, anatomy) if idle else None
-    unmended = tuning.unmended if tuning else ()
+    tuning, tried = _tuned(source, anatomy) if idle else (None, None)
+    unmended = tried.unmended if tried else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
@@ -226,12 +215,13 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
         draft.put("on_ground", "keyframes", home.name, "base", beside=why)
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
-    put_targets(draft, source.built, springs, lost)
+    formats, why = usual_targets(source.built, springs, lost)
+    draft.put(formats, "targets", beside=why)
     put_validation(draft, robot, anatomy.legs, trial, hand)
     return Proposal(path, draft.text, unmended)
 
 
-def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
+def _tuned(source: MjcfSource, anatomy: Anatomy) -> tuple[Tuning, Trial]:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = source.robot, source.control
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
@@ -242,7 +232,7 @@ def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
             lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep),
             rotors,
             control.simulation.timestep,
-        )[0]
+        )
 
 
 def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
@@ -282,7 +272,8 @@ def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequen
     if source.newer:
         why = f"keeps {some(list(source.newer))}, which MuJoCo {OLDEST} does not know"
         draft.put(float(NEWEST), "mjcf", "grammar", beside=why)
-    option = option_of(source.control)
+    stated = [item.element for item in source.control.mjcf_only if item.place == "option"]
+    option = "".join(stated)  # with what the source leaves to MuJoCo's defaults
     if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
         draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone, {slips}")
@@ -350,9 +341,8 @@ def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
     robot, control, legs = source.robot, source.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
-    if not legs or not all(j.name in driven for leg in legs for j in leg.joints):
-        return None, 0.0
-    if named and "home" not in named:
+    has_drives = bool(legs) and all(j.name in driven for leg in legs for j in leg.joints)
+    if not has_drives or (named and "home" not in named):
         return None, 0.0
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)

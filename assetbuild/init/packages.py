@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
@@ -72,7 +72,7 @@ def package_folders(name: str, file: Path) -> Iterator[list[Path]]:
     for folder in folders:
         if (folder / name).is_dir():
             yield [folder / name]
-    for folder in _workspace(file):
+    for folder in in_repository(folders, NEAR):
         if candidates := packages_below(folder).get(name):
             yield list(candidates)
 
@@ -88,7 +88,9 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
     node = inside[0][1]
     uri = (node.element.get("filename") or "").strip()
     for folders in (*package_folders(name, file), *([folder] for folder in above(file))):
-        holding = [f for f in folders if any(_holds(f, path) for path, _ in inside)]
+        # Under its name, or what that is percent-encoded from.
+        named = {name for path, _ in inside for name in (path, unquote(path))}
+        holding = [folder for folder in folders if any(is_file(folder / name) for name in named)]
         if len(holding) > 1:
             choices = " or ".join(f"`--package {name}={shown_path(f)}`" for f in holding)
             raise node.error(f"`{uri}`: {len(holding)} folders are package `{name}`", choices)
@@ -105,11 +107,6 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
         f"`{uri}`: no folder above the URDF holds the package `{name}`",
         f"say where it is: `--package {name}=FOLDER`",
     )
-
-
-def _holds(folder: Path, path: str) -> bool:
-    """Whether a file is there, under its name or what that is percent-encoded from."""
-    return is_file(folder / path) or is_file(folder / unquote(path))
 
 
 def lacking(root: Path, path: str) -> tuple[str, str]:
@@ -132,11 +129,10 @@ def lacking(root: Path, path: str) -> tuple[str, str]:
     return lack, ""
 
 
-def _workspace(file: Path) -> list[Path]:
-    """The folders above a file up to its repository; without one `NEAR` of them."""
-    folders = above(file)
-    tops = [index for index, folder in enumerate(folders) if (folder / ".git").exists()]
-    return folders[: tops[0] + 1 if tops else NEAR]
+def in_repository(folders: Sequence[Path], otherwise: int) -> Sequence[Path]:
+    """Cut the folders above a file off at its repository; `otherwise` counts them without one."""
+    tops = [number for number, folder in enumerate(folders, 1) if (folder / ".git").exists()]
+    return folders[: tops[0] if tops else otherwise]
 
 
 @functools.lru_cache(maxsize=64)
@@ -280,7 +276,8 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
     lost: Uses = []
     for uri, node in uses:
         path = absolute_path(uri)
-        if path is None or _is_known(path, roots):
+        begun = [of for of in roots if path is not None and path.startswith(f"{of}/")]
+        if path is None or any(is_file(roots[of] / path[len(of) + 1 :]) for of in begun):
             continue
         hits = list(_hits(path, file))
         if not hits:
@@ -311,12 +308,6 @@ def absolute_path(uri: str) -> str | None:
     """
     match = re.fullmatch(r"(?:file:(?://(?=/)|(?!//)))?(/.*)", uri)
     return None if match is None else os.path.normpath("/" + match[1].lstrip("/"))
-
-
-def _is_known(path: str, roots: Mapping[str, Path]) -> bool:
-    """Whether a folder of the author's machine that is known already leads to a file here."""
-    begun = [of for of in roots if path.startswith(f"{of}/")]
-    return any(is_file(roots[of] / path[len(of) + 1 :]) for of in begun)
 
 
 def _hits(path: str, file: Path) -> Iterator[tuple[int, Path]]:

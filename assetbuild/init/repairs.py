@@ -19,7 +19,7 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.grouping import grouped
 from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
-from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
+from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, not_in_usd, wrong_links, zeroed
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.plugin_types import Edit
 from assetbuild.plugins import load_plugin
@@ -101,12 +101,10 @@ def _subject(finding: Finding) -> str:
 
 def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
     """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
-    broken = _broken_links(robot)
-    wrong = Weighed(robot).wrong_links() | _weightless(robot)
-    for link, findings in broken.items():
-        grave = next((f for f in findings if f.rule in _BROKEN), None)
-        if grave or link not in wrong:
-            wrong[link] = grave or findings[0]
+    wrong = wrong_links(robot) | _weightless(robot)
+    for link, finding in _broken_links(robot).items():
+        if finding.rule in _BROKEN or link not in wrong:
+            wrong[link] = finding
     for link, finding in wrong.items():
         if finding.rule == "inertia.triangle" and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
@@ -124,22 +122,25 @@ def _is_near(robot: InspectedRobot, link: str) -> bool:
     return c <= FACTOR * (a + b)
 
 
-def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
-    """Links to repair with the findings on them; of a merged body those that spoil it."""
+def _broken_links(robot: InspectedRobot) -> dict[str, Finding]:
+    """Links to repair with the gravest finding on them; of a merged body those that spoil it."""
     bad: dict[str, Finding] = {}
     for finding in robot.body_findings:
         grave = finding.rule in _BROKEN and (finding.severity == "error" or _is_dummy(finding))
         if grave or finding.rule == "inertia.triangle":  # MuJoCo refuses small violations too
             bad[_subject(finding)] = finding
-    broken: dict[str, list[Finding]] = {}
+    broken: dict[str, Finding] = {}
     for finding in robot.link_findings:
         kind, _, name = finding.subject.partition(" ")
         if kind == "link" and finding.rule in {*_BROKEN, "inertia.triangle"}:
-            body, _ = robot.tree.placement(name)
-            if body in bad and _spoils(robot, name):
-                broken.setdefault(name, []).append(finding)
+            (body, _), inertial = robot.tree.placement(name), robot.links.by_body[name].inertial
+            # A massless frame that was merged into a body is no reason for its mass properties.
+            weighs = inertial is not None and inertial.mass_kg > 0.0
+            if body in bad and (name in robot.tree.by_body or weighs):
+                graver = finding.rule in _BROKEN and broken.get(name, finding).rule not in _BROKEN
+                broken[name] = finding if graver else broken.get(name, finding)
     explained = {robot.tree.placement(link)[0] for link in broken}
-    return broken | {body: [f] for body, f in bad.items() if body not in explained}
+    return broken | {body: bad[body] for body in bad if body not in explained}
 
 
 def _weightless(robot: InspectedRobot) -> dict[str, Finding]:
@@ -159,12 +160,6 @@ def _is_dummy(finding: Finding) -> bool:
         return False
     radius, mass = (float(str(finding.data[key])) for key in ("radius_m", "mass_kg"))
     return mass > DUMMY_DENSITY * 4.0 / 3.0 * math.pi * radius**3
-
-
-def _spoils(robot: InspectedRobot, link: str) -> bool:
-    """A massless frame that was merged into a body is no reason for its mass properties."""
-    inertial = robot.links.by_body[link].inertial
-    return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
 def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:
@@ -220,19 +215,15 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
-    free = {"unlimited": True}
-    for name in robot.unranged:
-        why = (
-            "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it "
-            "turn: put `lower` and `upper` here when you know them"
-        )
-        yield Repair(name, "set_limits", free, why, "<limit> states no range")
-    for name in zeroed(robot.links):
-        why = (
-            "exporters write zeros where nobody states limits, and MuJoCo lets it turn: put "
-            "`lower` and `upper` here when you know them"
-        )
-        yield Repair(name, "set_limits", free, why, "all limits of all joints are 0")
+    locked = "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it turn"
+    zeros = "exporters write zeros where nobody states limits, and MuJoCo lets it turn"
+    for names, why, message in (
+        (robot.unranged, locked, "<limit> states no range"),
+        (zeroed(robot.links), zeros, "all limits of all joints are 0"),
+    ):
+        why += ": put `lower` and `upper` here when you know them"
+        for name in names:
+            yield Repair(name, "set_limits", {"unlimited": True}, why, message)
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":

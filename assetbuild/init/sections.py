@@ -21,9 +21,9 @@ from assetbuild.init.collision import (
 )
 from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some, with_remedy
 from assetbuild.init.drives import GAINS, STEP_S, DriveRow
-from assetbuild.init.home import DEEP_M, Pair, made_so
+from assetbuild.init.home import Pair, made_so
 from assetbuild.init.licence import put_source
-from assetbuild.init.look import InspectedRobot, Weighed, put_up_axis, turned, usual_targets
+from assetbuild.init.look import InspectedRobot, put_up_axis, turned, usual_targets
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
@@ -32,6 +32,7 @@ from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
+from assetbuild.robot.contradictions import contradictions
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 from assetbuild.targets.mjcf.files import SCENES
@@ -83,16 +84,15 @@ def urdf_recipe(
             lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep, exclude),
             depths=depths,
         )
-        left = {p: d for p, d in depths(tuning.pose).items() if d > DEEP_M}
-        inside = made_so(tree, depths, tuning.pose)
+        left, inside = depths(tuning.pose), made_so(tree, depths, tuning.pose)
     guessed = tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed)]
     opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)
-    contradicted = map(with_remedy, Weighed(whole).findings())
+    contradicted = map(with_remedy, contradictions(tree, whole.extents(tree)))
     unrepaired = (*_locked(tree), *map(with_remedy, opposed), *unknown, *contradicted)
-    tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
+    unmended = (*unrepaired, *trial.unmended)
     draft = Draft()
-    put_head(draft, whole, anatomy, path, tuning.unmended)
+    put_head(draft, whole, anatomy, path, unmended)
     _put_source(draft, source, path)
     put_up_axis(draft, robot, turn)
     draft.put(anatomy.base, "base", beside=plain(anatomy.base_reason, 200))
@@ -100,13 +100,13 @@ def urdf_recipe(
     put_repairs(draft, robot, edits)
     note_loops(draft, robot.links)
     draft.put(20000, "visual", "max_faces", beside="finer meshes are thinned, each with a finding")
-    put_collision(draft, robot, anatomy, trial.overlaps, inside)
+    put_collision(draft, robot, anatomy, exclude.pairs, trial.overlaps, inside)
     put_actuators(draft, tuning)
     put_home(draft, robot, anatomy, tuning.pose)
     _note_left(draft, left, {*trial.overlaps, *inside})
     _put_simulation(draft, whole, anatomy, tuning, trial)
     _put_variants(draft, robot, anatomy)
-    return Proposal(path, draft.text, tuning.unmended, anatomy.doubt)
+    return Proposal(path, draft.text, unmended, anatomy.doubt)
 
 
 def _locked(tree: Tree) -> Iterator[str]:
@@ -124,11 +124,7 @@ def _locked(tree: Tree) -> Iterator[str]:
 
 
 def put_head(
-    draft: Draft,
-    robot: InspectedRobot,
-    anatomy: Anatomy,
-    path: Path,
-    unmended: Sequence[str] = (),
+    draft: Draft, robot: InspectedRobot, anatomy: Anatomy, path: Path, unmended: Sequence[str]
 ) -> None:
     """What the robot is and what no recipe can mend, in a comment, and its name."""
     tree, name = robot.tree, robot.links.name
@@ -156,15 +152,14 @@ def _put_source(draft: Draft, source: UrdfSource, path: Path) -> None:
     if others:
         defaults = (f"{name}: {json.dumps(value)}" for name, value in others)
         draft.note("its other arguments and their defaults:", *defaults, at=("source", "args"))
-    if source.packages:
-        why = "package:// roots; nothing is searched in a build"
-        draft.put(dict(source.packages), "source", "packages", beside=why)
-    if source.relative_to is not None:
-        why = "where relative names start"
-        draft.put(source.relative_to, "source", "relative_to", beside=why)
-    if source.absolute:
-        why = "what absolute names of the author's machine begin with, and what lies there"
-        draft.put(dict(source.absolute), "source", "absolute", beside=why)
+    there = "what absolute names of the author's machine begin with, and what lies there"
+    for key, value, why in (
+        ("packages", dict(source.packages), "package:// roots; nothing is searched in a build"),
+        ("relative_to", source.relative_to, "where relative names start"),
+        ("absolute", dict(source.absolute), there),
+    ):
+        if value:
+            draft.put(value, "source", key, beside=why)
     if source.missing:
         lines = ["Visual meshes that the source lacks: nothing is drawn for them."]
         meant = ((name, lacking(source.root, name)[1]) for name in source.missing)
@@ -194,10 +189,8 @@ def put_actuators(draft: Draft, tuning: Tuning) -> None:
     rows, moving = tuning.drives, tuning.tree.moving_joints
     if not rows:
         return
-    guessed, rotors = (
-        any(row.guess for row in rows),
-        any(row.armature and row.gains for row in rows),
-    )
+    guessed = any(row.guess for row in rows)
+    rotors = any(row.armature and row.gains for row in rows)
     corrected = (f"Corrected: {note}" for note in tuning.notes)
     lines = (*GAINS, *GUESSED * guessed, *ROTORS * rotors, *corrected)
     mimics = [joint.name for joint in moving if joint.mimic is not None]
@@ -286,25 +279,15 @@ def _put_simulation(
     draft.put(3, "contact", "condim")
     put_pads(draft, robot, hand, tuning.timestep)
     _put_steps(draft, tuning)
-    put_targets(draft, robot)
+    formats, why = usual_targets(robot)
+    draft.put(formats, "targets", beside=why)
     efforts = [tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints]
     walks = bool(legs) and all(efforts)
     put_validation(draft, robot, legs if walks else (), trial, hand)
-    if walks and "mjcf" in usual_targets(robot)[0]:
+    if walks and "mjcf" in formats:
         feet, imu = inline({"links": _soles(robot, legs)}), inline({"link": robot.tree.root})
         draft.note("To train in mjlab: add `mjlab` to the targets, and", at=("training",))
         draft.note(f"feet: {feet}", f"imu: {imu}   # or the link of its IMU", at=("training",))
-
-
-def put_targets(
-    draft: Draft,
-    robot: InspectedRobot,
-    springs: Collection[str] = (),
-    motion: Collection[str] = (),
-) -> None:
-    """The formats that hold the robot; springs, motion: see `usual_targets`."""
-    formats, why = usual_targets(robot, springs, motion)
-    draft.put(formats, "targets", beside=why)
 
 
 def put_validation(
@@ -318,27 +301,24 @@ def put_validation(
 
     trial: None where nothing asks it to stand. hand: links that grip.
     """
+    at = ("validate", "stand")
     if legs and trial is not None:
-        _put_stand(draft, robot, legs, trial)
+        row = {"keyframe": "home", "seconds": 2, "feet": _soles(robot, legs)}
+        did = plain(trial.sentence, 200)
+        if trial.stands:
+            seen = [f"In MuJoCo, with the hulls of its links, it {did}."]
+            draft.put(row, *at, beside="a fall is an error", above=seen)
+        elif trial.stands is None and len(legs) >= MANY_LEGS:
+            draft.put(row, *at, above=[f"Judged by its legs to stand, but not tried: {did}."])
+        else:
+            how = "In MuJoCo it" if trial.stands is not None else "Not tried:"
+            draft.note(f"{how} {did}.", *(f"Tried besides: {it}." for it in trial.tried), at=at)
+            later = "Once its gains and pose are balanced, ask it to stand:"
+            proposal = (later, f"stand: {inline(row)}")
+            draft.note(*(BALANCE if trial.points else proposal), at=at)
+            draft.put({}, "validate", "free_fall")
     if hand:
         draft.put({}, "validate", "grip", beside="holds a cube, a cylinder and a sphere")
-
-
-def _put_stand(draft: Draft, robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> None:
-    row = {"keyframe": "home", "seconds": 2, "feet": _soles(robot, legs)}
-    at, did = ("validate", "stand"), plain(trial.sentence, 200)
-    if trial.stands:
-        seen = [f"In MuJoCo, with the hulls of its links, it {did}."]
-        draft.put(row, *at, beside="a fall is an error", above=seen)
-    elif trial.stands is None and len(legs) >= MANY_LEGS:
-        draft.put(row, *at, above=[f"Judged by its legs to stand, but not tried: {did}."])
-    else:
-        how = "In MuJoCo it" if trial.stands is not None else "Not tried:"
-        draft.note(f"{how} {did}.", *(f"Tried besides: {what}." for what in trial.tried), at=at)
-        later = "Once its gains and pose are balanced, ask it to stand:"
-        proposal = (later, f"stand: {inline(row)}")
-        draft.note(*(BALANCE if trial.points else proposal), at=at)
-        draft.put({}, "validate", "free_fall")
 
 
 def _put_steps(draft: Draft, tuning: Tuning) -> None:

@@ -1,6 +1,6 @@
 """What file the user gave, where the robot's other files lie, and patches for what no build reads.
 
-One folder holds them all.
+One folder holds them all. A xacro is expanded by the step of the build, in the same confined child.
 """
 
 from __future__ import annotations
@@ -16,12 +16,17 @@ from typing import Literal
 from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
+from assetbuild.engine.world import World
 from assetbuild.errors import SourceError, UsageError, Where, nearest
+from assetbuild.findings import Finding
 from assetbuild.init.draft import some
 from assetbuild.init.packages import (
+    above,
     absolute_folders,
     common_folder,
+    declared,
     files_named,
+    find_package,
     find_packages,
     is_file,
     lacking,
@@ -32,14 +37,21 @@ from assetbuild.init.packages import (
     respelled,
     stated,
 )
-from assetbuild.init.xacro import Expanded, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.shapes import MeshFile
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.source.urdf.expand_xacro import (
+    ARGUMENT,
+    MOST_FILES,
+    NOT_INCLUDED,
+    WHERE,
+    ExpandXacro,
+)
 from assetbuild.source.urdf.joints import KINDS
 from assetbuild.source.urdf.read_urdf import ReadUrdf
-from assetbuild.source.urdf.xml import Node, parse
+from assetbuild.source.urdf.xml import XACRO, Node, parse, read_xml
 
 
 @dataclass(frozen=True)
@@ -70,9 +82,9 @@ class UrdfSource:
         """The description's name in messages, as a build would give it."""
         return self.file if self.key == "urdf" else f"{self.file} (expanded)"
 
-    def reader(self) -> ReadUrdf:
-        """The step that reads `data`, as a build would run it."""
-        return ReadUrdf(
+    def read(self) -> tuple[Tree, SourceShapes, tuple[Finding, ...], list[dict[str, str]]]:
+        """Run the build's reader; return links, shapes, findings and the meshes that it lists."""
+        step = ReadUrdf(
             file=self.shown,
             base="floating",
             packages=dict(self.packages),
@@ -80,6 +92,11 @@ class UrdfSource:
             absolute=dict(self.absolute),
             missing=self.missing,
         )
+        with scratch() as ports:
+            ports.put("robot.urdf", self.data)
+            findings, robot = ports.run(step), RobotFiles(ports.folder)
+            meshes = json.loads(ports.read("meshes.json"))
+            return robot.links, robot.source_shapes, findings, meshes
 
 
 def find_source(
@@ -95,14 +112,15 @@ def find_source(
     data = read_small_file(file, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    by_xacro = is_xacro(file, data)
+    by_xacro = file.suffix == ".xacro" or b"<xacro:" in data
     patches = [] if by_xacro else respelled(real, data)
     data = replaced(data, patches)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
-    read = expand(real, folders, args) if by_xacro else Expanded(data)
-    uses = files_named(parse(read.data, name)[0])
-    used = {**folders, **read.packages}
+    made: Expanded = expand(real, folders, args) if by_xacro else (data, {}, {}, ())
+    data, asked, defaults, absent = made
+    uses = files_named(parse(data, name)[0])
+    used = {**folders, **asked}
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
     root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
@@ -112,15 +130,120 @@ def find_source(
         root=root,
         file=path,
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
-        data=read.data,
+        data=data,
         args=args,
-        defaults=read.defaults,
+        defaults=defaults,
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
-        absent=read.absent,
+        absent=absent,
         patches=tuple(patch.model_copy(update={"file": path}) for patch in patches),
     )
 
+
+# --- a xacro --------------------------------------------------------------------------------
+
+MOST_TRIES = 60
+"""Packages that are asked for, one after another."""
+
+_ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
+_ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
+
+Expanded = tuple[bytes, Mapping[str, Path], Mapping[str, str], tuple[str, ...]]
+"""The URDF, the folders of the packages in use, `defaults` and `absent` of `UrdfSource`."""
+
+
+def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:
+    """Expand a file with its arguments. Raises SourceError as the build would, in words of `init`.
+
+    file: real path. A package that it asks for is found by expanding it again and again. One that
+    is found nowhere is an error only where the robot needs its files.
+    """
+    folders, absent = dict(stated), list[str]()
+    for _ in range(MOST_TRIES):
+        try:
+            return _expanded(file, folders, args, absent)
+        except SourceError as error:
+            _mend(error, file, folders, absent)
+    raise SourceError(f"it asks for more than {MOST_TRIES} things by computed names")
+
+
+def _expanded(
+    file: Path, folders: Mapping[str, Path], args: Mapping[str, str], missing: Collection[str]
+) -> Expanded:
+    """One expansion. missing: packages that were found nowhere."""
+    root = common_folder(file, folders.values(), [])
+    step = ExpandXacro(
+        file=file.relative_to(root).as_posix(),
+        args=dict(sorted(args.items())),
+        packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
+        absent=tuple(sorted(missing)),
+    )
+    with scratch() as ports:
+        ports.link(f"tree/{step.file}", file)
+        for folder in (file.parent, *folders.values()):
+            for path in itertools.islice(World().below(folder, (), NOT_INCLUDED), MOST_FILES):
+                if path.is_file() and not path.is_symlink():
+                    ports.link(f"tree/{path.relative_to(root)}", path)
+        for finding in ports.run(step):
+            if finding.rule == ARGUMENT.id:
+                name = finding.data["argument"]
+                raise SourceError(f"--arg {name}: {finding.message}", hint=finding.hint)
+        urdf = ports.read("robot.urdf")
+        used = json.loads(ports.read("used.json"))
+    text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]
+    needed = {
+        name: folder
+        for name, folder in folders.items()
+        if f"package://{name}/" in text
+        or name in used["packages"]
+        or any(path.is_relative_to(folder) for path in files)
+    }
+    absent = tuple(sorted({*missing} & {*used["packages"]}))
+    return urdf, needed, _defaults([file, *files]), absent
+
+
+def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list[str]) -> None:
+    """Find what an expansion lacked; raise the error, in words of `init`, where that cannot be."""
+    if asked := _ASKED.search(error.message):
+        folder = find_package(asked[1], file)
+        if folder is None:
+            absent.append(asked[1])
+        else:
+            folders[asked[1]] = folder
+    elif own := _own_package(error, file, folders):
+        folders |= own
+    elif absent_package := _ABSENT.search(error.message):  # stated as missing by no recipe yet
+        name = absent_package[1]
+        message = f"`$(find {name})`: no package named `{name}`"
+        raise SourceError(message, where=error.where, hint=WHERE)
+    else:
+        raise error
+
+
+def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) -> dict[str, Path]:
+    """The package that the file lies in, where it includes from there by a relative name."""
+    if "readable files" not in error.message and "declared packages" not in error.message:
+        return {}
+    here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
+    known = here in folders.values() or name in folders
+    return {name: here} if name and not known else {}
+
+
+def _defaults(files: list[Path]) -> dict[str, str]:
+    """Every `<xacro:arg>` of the files that were read, in that order; "" without a default."""
+    defaults: dict[str, str] = {}
+    for path in files:
+        try:
+            root = read_xml(path.read_bytes(), path.name, "xacro").element
+        except SourceError:
+            continue  # xacro has read it; only the list of arguments is shorter
+        for element in root.iter(*(f"{{{uri}}}arg" for uri in XACRO)):
+            if name := element.get("name"):
+                defaults.setdefault(name, element.get("default", ""))
+    return defaults
+
+
+# --- a URDF ---------------------------------------------------------------------------------
 
 NO_LIMIT = (
     "it states no <limit>, which urdfdom and PyBullet refuse; MuJoCo and Isaac Sim let it turn "
@@ -165,26 +288,17 @@ def mended(source: UrdfSource) -> UrdfSource:
     no recipe can mend.
     """
     source = patched(source, retyped(source))
-    meshes, solid = _meshes(source)
-    renamed = patched(source, _cases(source, meshes))
-    if renamed != source:
-        source = renamed
-        meshes, solid = _meshes(source)
+    _, shapes, _, meshes = source.read()
+    if cases := tuple(_cases(source, meshes)):
+        source = patched(source, cases)
+        _, shapes, _, meshes = source.read()
+    collide = [shape.geometry for shape in shapes.of("collision")]
+    solid = {mesh.path for mesh in collide if isinstance(mesh, MeshFile)}
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
     if needed or (absent and len(absent) == len(meshes)):
         raise _refused(source, needed or absent, {mesh["path"] for mesh in meshes})
     return replace(source, missing=tuple(mesh["path"] for mesh in absent))
-
-
-def _meshes(source: UrdfSource) -> tuple[list[dict[str, str]], set[str]]:
-    """Every mesh that is named, and the paths of those that something collides with."""
-    with scratch() as ports:
-        ports.put("robot.urdf", source.data)
-        ports.run(source.reader())
-        listed: list[dict[str, str]] = json.loads(ports.read("meshes.json"))
-        shapes = RobotFiles(ports.folder).source_shapes.of("collision")
-    return listed, {s.geometry.path for s in shapes if isinstance(s.geometry, MeshFile)}
 
 
 def _refused(
@@ -215,7 +329,7 @@ def _refused(
 
 def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch]:
     """A patch for each mesh that is there under one other name: see `_other_case`."""
-    for mesh in meshes:
+    for mesh in meshes if source.key == "urdf" else ():
         stated = PurePosixPath(mesh["path"])
         actual = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
         if actual is not None:
@@ -224,8 +338,7 @@ def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Pat
             same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
             if same and actual.parts[:-same] == stated.parts[:-same]:
                 named = "/".join((*uri_parts[:-same], *actual.parts[-same:]))
-                if source.key == "urdf":
-                    yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
+                yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
 
 
 def _other_case(root: Path, path: str) -> PurePosixPath | None:

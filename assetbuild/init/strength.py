@@ -21,7 +21,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from assetbuild.init.anatomy import Anatomy, Role, length_below, limb_of, roles
 from assetbuild.init.wheels import VELOCITY_DRIVEN, bodies_below
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.mimic import leading, with_mimics
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import chain_to, forward_kinematics, unit_of
@@ -83,35 +82,30 @@ _IDLE = re.compile(r"(?i).*(passive|caster|castor|spring|rocker|bogie|roller|ach
 
 @dataclass(frozen=True)
 class Guess:
-    """Effort of one joint, N m or N; why it is none of the source's; what the joint is part of."""
+    """Why the effort of a joint is none of the source's; what the joint is part of."""
 
-    effort: float
     why: str
     role: Role
 
 
 def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     """The tree with a guess for each effort that is unknown, and these guesses by joint."""
-    parts = roles(tree, anatomy)
+    parts, loads = roles(tree, anatomy), _sampled_loads(tree)
     twins = _twins(tree, parts)
-    physics, guesses = physical_efforts(tree, anatomy, parts, twins), {}
-    over = overloaded(tree, twins)
+    physics = _physical_efforts(tree, anatomy, parts, twins, loads)
+    over = _overloaded(tree, twins, loads[1:])
     meaningless = _placeholders(tree, physics, over)
-    why = {
-        name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
-        for name in physics
-    }
-    idle = {}
-    for name, reason in why.items():
-        joint = tree.by_joint[name]
+    efforts, guesses = dict[str, float | None](), {}
+    for name, need in physics.items():
+        joint, effort = tree.by_joint[name], rounded_up(need)
+        reason = _unknown(joint, need, over.get(name, 0.0), meaningless)
         if not reason or joint.is_locked:
             continue
-        effort = rounded_up(physics[name])
         if stays_passive(tree, joint, anatomy):
-            idle[name] = 0.0
+            efforts[name] = 0.0
         elif effort != joint.limits.effort:
-            guesses[name] = Guess(effort, reason, parts[name])
-    return with_efforts(tree, {n: guess.effort for n, guess in guesses.items()} | idle), guesses
+            efforts[name], guesses[name] = effort, Guess(reason, parts[name])
+    return with_efforts(tree, efforts), guesses
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float | None]) -> Tree:
@@ -171,24 +165,30 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
     Cassie's heel springs state an effort of 0 where its motors state theirs.
     """
     part = anatomy.turning.get(joint.name)
-    if part is not None and part.role == "caster":
+    is_caster = part is not None and part.role == "caster"
+    if is_caster or _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
         return True
-    if _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
-        return True
-    above = [other for other in chain_to(tree, joint.child) if other is not joint]
-    legs = {name.name for leg in anatomy.walks_on for name in leg.joints}
-    legged = joint.name in legs or any(other.name in legs for other in above)
-    return joint.limits.effort == 0.0 and legged and any(o.limits.effort for o in above)
+    chain = chain_to(tree, joint.child)
+    legs = {other.name for leg in anatomy.walks_on for other in leg.joints}
+    legged = any(other.name in legs for other in chain)
+    return joint.limits.effort == 0.0 and legged and any(o.limits.effort for o in chain)
 
 
 # --- the guess ------------------------------------------------------------------------------
 
 
-def physical_efforts(
-    tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role], twins: Mapping[str, Sequence[str]]
+def _physical_efforts(
+    tree: Tree,
+    anatomy: Anatomy,
+    parts: Mapping[str, Role],
+    twins: Mapping[str, Sequence[str]],
+    loads: Sequence[Mapping[str, float]],
 ) -> dict[str, float]:
-    """What each joint needs, by the formula of this module, and its twins alike; N m or N."""
-    loads, inertia = _sampled_loads(tree), largest_inertias(tree)
+    """What each joint needs, by the formula of this module, and its twins alike; N m or N.
+
+    loads: see `_sampled_loads`.
+    """
+    inertia = largest_inertias(tree)
     weight, needs = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
@@ -198,18 +198,13 @@ def physical_efforts(
         if joint.mimic is not None:
             continue
         name, unit = joint.name, unit_of(joint)
-        accelerated = ACCELERATION[unit]
-        if unit == "rad":
-            reach = length_below(tree, joint.child)
-            accelerated = min(accelerated, TIP_ACCELERATION / max(reach, 1e-3))
-        gravity = max(load[name] for load in loads)
-        need = MARGIN * gravity + accelerated * inertia.get(name, 0.0)
-        need = max(need, turned.get(name, 0.0))
-        if parts[name] == "finger":
-            need = max(need, GRIP_N * (length_below(tree, joint.child) if unit == "rad" else 1.0))
-        elif parts[name] == "leg":
-            need = max(need, legs[name])
-        needs[name] = max(need, WEAKEST[unit])
+        reach = length_below(tree, joint.child) if unit == "rad" else 1.0
+        tip = TIP_ACCELERATION / max(reach, 1e-3) if unit == "rad" else math.inf
+        moving = min(ACCELERATION[unit], tip) * inertia.get(name, 0.0)
+        need = MARGIN * max(load[name] for load in loads) + moving
+        grip = GRIP_N * reach if parts[name] == "finger" else 0.0
+        others = (turned.get(name, 0.0), legs.get(name, 0.0), grip, WEAKEST[unit])
+        needs[name] = max(need, *others)
     alike = {name: max(needs[twin] for twin in twins[name]) for name in needs}
     return _within_limbs(tree, alike, parts)
 
@@ -243,15 +238,9 @@ def _within_limbs(
 ) -> dict[str, float]:
     """None but what turns without end is weaker than a share of the strongest of its limb."""
     limbs = {n: (limb_of(tree, tree.by_joint[n]), unit_of(tree.by_joint[n])) for n in needs}
-    strongest: dict[tuple[str, str], float] = {}
-    for name, need in needs.items():
-        strongest[limbs[name]] = max(need, strongest.get(limbs[name], 0.0))
-    return {
-        name: need
-        if parts[name] in VELOCITY_DRIVEN
-        else max(need, LEAST_SHARE * strongest[limbs[name]])
-        for name, need in needs.items()
-    }
+    strongest = {n: max(needs[other] for other in needs if limbs[other] == limbs[n]) for n in needs}
+    least = {n: 0.0 if parts[n] in VELOCITY_DRIVEN else LEAST_SHARE * strongest[n] for n in needs}
+    return {name: max(need, least[name]) for name, need in needs.items()}
 
 
 def rotor_inertia(joint: Joint) -> float:
@@ -317,12 +306,13 @@ def gravity_loads(
     return loads
 
 
-def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, float]:
+def _overloaded(
+    tree: Tree, twins: Mapping[str, Sequence[str]], loads: Sequence[Mapping[str, float]]
+) -> dict[str, float]:
     """Share of the random poses that need more than the stated effort, by joint that states one.
 
     The poses of a joint's twins count as its own, so that no chance parts left from right.
     """
-    loads = _sampled_loads(tree)[1:]
     shares = {}
     for name, alike in twins.items():
         if most := tree.by_joint[name].limits.effort:
@@ -331,7 +321,6 @@ def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, floa
     return shares
 
 
-@lru_cache(maxsize=1)
 def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
     """`gravity_loads` in the pose of zeros and random ones; what mimics a joint loads it too."""
     joints = tree.moving_joints
@@ -339,12 +328,9 @@ def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
     for pose in sample_poses(joints, SAMPLES):
         loads = gravity_loads(tree, pose, joints)
         for joint in joints:
-            leader, factor = joint, 1.0
-            while leader.mimic is not None:
-                factor *= abs(leader.mimic.multiplier)
-                leader = tree.by_joint[leader.mimic.joint]
+            leader, factor, _ = leading(tree, joint)
             if leader is not joint:
-                loads[leader.name] += factor * loads[joint.name]
+                loads[leader.name] += abs(factor) * loads[joint.name]
         samples.append(loads)
     return samples
 

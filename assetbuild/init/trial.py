@@ -17,15 +17,15 @@ from assetbuild.checks.trials import Trials
 from assetbuild.control.control import ControlStep
 from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import Scratch, scratch
-from assetbuild.errors import AssetBuildError, StepError
+from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
-from assetbuild.init.draft import patterns_of
+from assetbuild.init.draft import patterns_of, with_remedy
 from assetbuild.init.drives import DriveRow
-from assetbuild.init.home import Depths, Pair, nothing_deep
-from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
+from assetbuild.init.look import InspectedRobot
+from assetbuild.mesh.hull import capped
 from assetbuild.mesh.obj import obj_bytes
-from assetbuild.mesh.read import UpAxis
+from assetbuild.recipe_types import listed
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
@@ -33,9 +33,8 @@ from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control
-from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Keyframe, Simulation
-from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
+from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.mujoco.drives import servoed
@@ -62,7 +61,7 @@ class Trial:
     lean: how far its base tilted, rad.
     off: centre of mass beyond the middle of what stands on the floor at the start, x and y, m.
     errors: what the checks say of drives and pose that a build would stop at.
-    refused: the key of the recipe that no build takes, and why.
+    refused: why no build takes a key of the recipe, and what to do.
     overlaps: bodies whose hulls must not collide, for else the robot falls or leans, and how deep
     one is inside the other at home, m.
     tried: what did not make it stand, each with what it did then.
@@ -74,15 +73,15 @@ class Trial:
     lean: float = 0.0
     off: tuple[float, float] = (0.0, 0.0)
     errors: tuple[Finding, ...] = ()
-    refused: RowError | None = None
+    refused: str = ""
     overlaps: Mapping[Pair, float] = field(default_factory=dict)
     tried: tuple[str, ...] = ()
     points: bool = False
 
     @property
-    def is_fine(self) -> bool:
-        """Whether a build has nothing against it."""
-        return not self.errors and self.refused is None
+    def unmended(self) -> tuple[str, ...]:
+        """Return what a build has against it, each with the edit that mends it."""
+        return (*map(with_remedy, self.errors), *filter(None, (self.refused,)))
 
 
 @dataclass(frozen=True)
@@ -131,11 +130,10 @@ class Stage:
             if driven_by is not None:
                 made = replace(made, actuators=driven_by.actuators)
                 self.ports.put("control.json", encode(made))
-            else:
-                findings += self.ports.run(Gains(feet="|".join(map(re.escape, self.soles)) or None))
             model = self._compiled()
             if driven_by is None:
-                findings += Trials().dangers(self._on_soles(model))
+                gains = Gains(feet=listed(self.soles) or None)
+                findings += (*self.ports.run(gains), *Trials().dangers(self._on_soles(model)))
             errors = tuple(finding for finding in findings if finding.severity == "error")
             if not self.soles:
                 return Trial(False, "has no shape on its feet to stand on", errors=errors)
@@ -145,7 +143,7 @@ class Stage:
             points = not support(model).is_area
             return replace(trial, errors=errors, off=support(model, SOLE_M).off_m, points=points)
         except RowError as error:
-            return Trial(None, error.message, refused=error)
+            return Trial(None, error.message, refused=f"{error.message} ({error.hint})")
         except AssetBuildError as error:
             return Trial(None, error.message)
 
@@ -167,7 +165,8 @@ class Stage:
 
         def measured(pose: Mapping[str, float]) -> dict[Pair, float]:
             between = mujoco_trials.depths(model, with_mimics(tree, pose))
-            return self._deepest({pair: d for pair, d in between.items() if stands or pair[0]})
+            deepest = self._deepest({pair: d for pair, d in between.items() if stands or pair[0]})
+            return {pair: depth for pair, depth in deepest.items() if depth > DEEP_M}
 
         return measured
 
@@ -222,7 +221,7 @@ class Stage:
             leans = f"leans by {stood.tilt_rad:.2g} rad after {JUDGE.seconds:g} s"
             return Trial(False, f"{leans}, more than {JUDGE.max_tilt:g}")
         if self.whole:
-            judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, self.soles))})
+            judge = JUDGE.model_copy(update={"feet": listed(self.soles)})
             findings = judge.evaluate(stood, self.robot.tree, self.shapes)
             error = next((finding for finding in findings if finding.severity == "error"), None)
             if error is not None:
@@ -240,46 +239,34 @@ def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -
     """Lay the robot out. soles: source links."""
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
-        yield Stage(robot, soles, _laid_out(robot, links, ports), ports, whole)
+        shapes = _shapes_of(robot, links, ports)
+        for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", shapes)):
+            ports.put(f"{name}.json", encode(value))
+        yield Stage(robot, soles, shapes, ports, whole)
 
 
-def _laid_out(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:
-    """The robot as a build has it, with a hull or primitive for each shape of these links."""
+def _shapes_of(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:
+    """Write the hulls to `meshes/`; shapes that are flat or cannot be read are left out.
+
+    The shapes are those of the links that collide; a link without any is taken as it is drawn.
+    """
     (ports.folder / "meshes").mkdir()
+    of_links = [[shape for shape in robot.shapes.shapes if shape.link == link] for link in links]
+    used = (s for all in of_links for s in [s for s in all if s.role == "collision"] or all)
     shapes, assets = [], []
-    for index, shape in enumerate(_shapes_of(robot, links)):
+    for index, shape in enumerate(used):
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
-            up_axis: UpAxis = "honour" if source.path in robot.turned else "ignore"
-            read = mesh_of(robot.root, source, up_axis)
-            asset = _hull(scaled_points(read, source), name, ports) if read else None
-            if asset is None:
+            hull = robot.hull_of(source, "honour" if source.path in robot.turned else "ignore")
+            if hull is None or not len(hull.faces):
                 continue
+            hull = capped(hull, CORNERS, None, subject=name)
+            asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
+            ports.put(f"meshes/{asset.file}", obj_bytes(hull))
             assets.append(asset)
             geometry = Mesh(asset.name)
         else:
             geometry = source
         shapes.append(Shape(name, shape.link, "collision", geometry, shape.X_link_shape))
-    made = Shapes(tuple(shapes), (), tuple(assets))
-    for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", made)):
-        ports.put(f"{name}.json", encode(value))
-    return made
-
-
-def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:
-    """The collision shapes of each link; of one that has none, what is drawn of it."""
-    for link in links:
-        shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
-        yield from [s for s in shapes if s.role == "collision"] or shapes
-
-
-def _hull(points: Array, name: str, ports: Scratch) -> MeshAsset | None:
-    """Written to `meshes/`; None for a mesh that is flat. points: (n, 3) m."""
-    try:
-        hull = convex_hull(points, max_vertices=CORNERS, subject=name)
-    except StepError:
-        return None
-    asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
-    ports.put(f"meshes/{asset.file}", obj_bytes(hull))
-    return asset
+    return Shapes(tuple(shapes), (), tuple(assets))

@@ -13,11 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import numpy as np
-
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy
-from assetbuild.init.draft import with_remedy
 from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_rows
 from assetbuild.init.home import UPRIGHT, Depths, Shift, home_pose, nothing_deep
 from assetbuild.init.strength import (
@@ -52,8 +49,8 @@ Try = Callable[["Tuning"], Trial]
 class Tuning:
     """A choice of drives, and what made it. tree: with the guessed efforts.
 
-    notes: what was corrected and why; unmended: what could not be, each with the edit that mends
-    it. rotors: inertias that the source states, by joint, kg m2 or kg.
+    notes: what was corrected and why. rotors: inertias that the source states, by joint, kg m2 or
+    kg.
     """
 
     tree: Tree
@@ -64,17 +61,9 @@ class Tuning:
     guesses: Mapping[str, Guess]
     rotors: Mapping[str, float]
     notes: tuple[str, ...] = ()
-    unmended: tuple[str, ...] = ()
     shift: Shift = UPRIGHT
     firmness: float = FIRM
     depths: Depths = nothing_deep
-
-    @property
-    def armature(self) -> dict[str, float]:
-        """The inertia of each joint's rotor, stated or guessed, kg m2 or kg."""
-        alone = [joint for joint in self.tree.moving_joints if joint.mimic is None]
-        guessed = {j.name: rotor_inertia(j) for j in alone}
-        return guessed | {name: inertia for name, inertia in self.rotors.items() if inertia}
 
 
 def tune(
@@ -95,25 +84,24 @@ def tune(
     tuning = _chosen(start, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
-        better = None if trial.is_fine else _corrected(tuning, trial)
+        better = _corrected(tuning, trial) if trial.unmended else None
         if better is None:
             break
         tuning, trial = better, attempt(better)
     askew = trial.stands is False or trial.lean > LEANS_RAD
-    if trial.is_fine and askew and not trial.points:
+    if askew and not trial.unmended and not trial.points:
         tuning, trial = _standing(tuning, trial, attempt)
-    rest = tuple(map(with_remedy, trial.errors))
-    if trial.refused is not None:
-        rest += (f"{trial.refused.message} ({trial.refused.hint})",)
-    return replace(tuning, unmended=rest), trial
+    return tuning, trial
 
 
 def _chosen(tuning: Tuning, step: float) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree, legs, turning = tuning.tree, tuning.anatomy.legs, tuning.anatomy.turning
     pose = home_pose(tree, legs, tuning.shift, tuning.depths)
-    arguments = (tuning.guesses, tuning.armature, turning, tuning.firmness)
-    drives = drive_rows(tree, pose, legs, *arguments)
+    alone = [joint for joint in tree.moving_joints if joint.mimic is None]
+    rotors = {joint.name: rotor_inertia(joint) for joint in alone}
+    rotors |= {name: inertia for name, inertia in tuning.rotors.items() if inertia}
+    drives = drive_rows(tree, pose, legs, tuning.guesses, rotors, turning, tuning.firmness)
     hops = any(row.outruns(STEP_S) for row in drives)
     needed = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
     return replace(tuning, pose=pose, drives=drives, timestep=min(needed, step))
@@ -136,18 +124,17 @@ def _corrected(tuning: Tuning, trial: Trial) -> Tuning | None:
 
 def _stronger(tuning: Tuning, weak: list[Finding]) -> Tuning | None:
     """Efforts that are guesses grow."""
-    guesses, grown = dict(tuning.guesses), []
+    grown = {}
     for error in weak:
         name = error.subject.partition(" ")[2]
         effort = tuning.tree.by_joint[name].limits.effort or 0.0
-        if name in guesses:
+        if name in tuning.guesses:
             load = max(float(str(error.data.get("load", 1.0))), 1.0)
-            guesses[name] = replace(guesses[name], effort=rounded_up(load * STRONGER * effort))
-            grown.append(name)
+            grown[name] = rounded_up(load * STRONGER * effort)
     if not grown:
         return None
-    tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
-    return _chosen(replace(tuning, tree=tree, guesses=guesses), tuning.timestep)
+    tree = with_efforts(tuning.tree, grown)
+    return _chosen(replace(tuning, tree=tree), tuning.timestep)
 
 
 def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial]:
@@ -160,51 +147,42 @@ def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial
     kept: list[str] = []
     failed = f"leans by {trial.lean:.2g} rad" if trial.stands else trial.sentence
     for remedy in REMEDIES if tuning.anatomy.legs else ():
-        change = remedy(now, seen)
-        if change is None:
+        again = _remedied(remedy, now, seen)
+        if again is None:
             continue
-        what, again = change
         after = attempt(again)
-        tried.append(f"{what} (it {after.sentence})")
-        if after.is_fine and after.stands:
-            note = f"{', '.join(dict.fromkeys((*kept, what)))}: otherwise it {failed}"
+        tried.append(f"{remedy} (it {after.sentence})")
+        if after.stands and not after.unmended:
+            note = f"{', '.join(dict.fromkeys((*kept, remedy)))}: otherwise it {failed}"
             stood.append((replace(again, notes=(*tuning.notes, note)), after))
             if after.lean <= LEANS_RAD:
                 return stood[-1]
-        if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M:
+        nearer = math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M
+        if nearer and not after.unmended:
             now, seen = again, after
-            kept.append(what)
+            kept.append(remedy)
     better = [it for it in stood if not trial.stands or it[1].lean < LESS * trial.lean]
     same = trial if trial.stands else replace(trial, tried=tuple(dict.fromkeys(tried)))
     return min(better, key=lambda it: it[1].lean, default=(tuning, same))
 
 
-Remedy = Callable[[Tuning, Trial], tuple[str, Tuning] | None]
-
-
-def _balanced(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
-    """The feet under the centre of mass, where they are not."""
-    off = [way if abs(way) >= BALANCED_M else 0.0 for way in trial.off]
-    if not any(off):
-        return None
-    ahead, aside = map(float, np.add(tuning.shift, off))
-    balanced = _chosen(replace(tuning, shift=(ahead, aside)), tuning.timestep)
-    return "feet under the centre of mass", balanced
-
-
-def _firmer(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
-    if tuning.firmness >= FIRMER or len(tuning.anatomy.legs) >= TABLE:
-        return None
-    firm = _chosen(replace(tuning, firmness=FIRMER), tuning.timestep)
-    return f"legs {FIRMER:g} times as stiff as would let it tip over", firm
-
-
-def _hasty(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
-    if tuning.timestep <= SHORT_STEP_S:
-        return None
-    return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, SHORT_STEP_S)
-
-
-REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _balanced)
+BALANCED = "feet under the centre of mass"
+HASTY = f"a time step of {1e3 * SHORT_STEP_S:g} ms"
+FIRM_LEGS = f"legs {FIRMER:g} times as stiff as would let it tip over"
+REMEDIES = (BALANCED, BALANCED, HASTY, FIRM_LEGS, BALANCED)
 """What may make a robot stand, in the order in which it is tried; what brings its feet under its
 centre of mass is kept for the next."""
+
+
+def _remedied(remedy: str, tuning: Tuning, trial: Trial) -> Tuning | None:
+    """Choose anew with one of the remedies; None where it would change nothing."""
+    (ahead, aside), firmness, step = tuning.shift, tuning.firmness, tuning.timestep
+    if remedy == BALANCED:
+        x, y = (way if abs(way) >= BALANCED_M else 0.0 for way in trial.off)
+        ahead, aside = ahead + x, aside + y
+    elif remedy == HASTY:
+        step = min(step, SHORT_STEP_S)
+    elif len(tuning.anatomy.legs) < TABLE:
+        firmness = FIRMER
+    change = replace(tuning, shift=(ahead, aside), firmness=firmness, timestep=step)
+    return None if change == tuning else _chosen(change, step)

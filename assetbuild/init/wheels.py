@@ -11,17 +11,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal
 
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot, zeroed
 from assetbuild.robot.model import Joint, Tree
-from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.pose import Array
 
 TurningRole = Literal["wheel", "caster", "steering", "rotor", "spinner"]
 
@@ -88,14 +86,10 @@ def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
     A swivel is among them whatever its range.
     """
     free = [joint for joint in robot.tree.moving_joints if turns_freely(robot, joint)]
-    if not free:
-        return {}
-    at_zero = forward_kinematics(robot.tree, {})
-    discs = [_disc(robot, at_zero, joint, free) for joint in free]
-    # Its meshes are read when the height of its lowest point is first asked for.
-    wheels = _wheels(discs, cache(lambda: _ground(robot, at_zero)))
+    discs = [_disc(robot, joint, free) for joint in free]
+    wheels = _wheels(robot, discs)
     turning = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
-    turning |= _followers(robot.tree, at_zero, wheels, discs)
+    turning |= _followers(robot, wheels, discs)
     others = [disc for disc in discs if disc.is_last and disc.joint.name not in turning]
     rotors = [disc for disc in others if _ROTOR.fullmatch(disc.name)]
     if len(rotors) > 1:
@@ -119,20 +113,20 @@ def turns_freely(robot: InspectedRobot, joint: Joint) -> bool:
 # --- wheels ---------------------------------------------------------------------------------
 
 
-def _wheels(discs: Sequence[_Disc], ground: Callable[[], float]) -> list[_Disc]:
+def _wheels(robot: InspectedRobot, discs: Sequence[_Disc]) -> list[_Disc]:
     """Discs that roll on the ground; the topmost of each chain, as a wheel may carry rollers."""
     level = [disc for disc in discs if disc.is_level and disc.is_last]
     named = [disc for disc in level if _WHEEL.fullmatch(disc.name)]
-    rolling = [d for d in level if d.roundness >= ROUND and _touches(d, ground)]
+    rolling = [d for d in level if d.roundness >= ROUND and _touches(robot, d)]
     wheels = [disc for disc in rolling if disc in named or len(_like(disc, rolling)) > 1]
-    wheels += [d for d in named if d not in wheels and (not d.radius or _touches(d, ground))]
+    wheels += [d for d in named if d not in wheels and (not d.radius or _touches(robot, d))]
     wheels += [d for d in named if d not in wheels and len(_like(d, [*wheels, *named])) > 1]
     above = {disc.joint.child for disc in wheels}
     return [disc for disc in wheels if disc.joint.parent not in above]
 
 
-def _touches(disc: _Disc, ground: Callable[[], float]) -> bool:
-    return disc.lowest - ground() <= ON_GROUND * disc.radius
+def _touches(robot: InspectedRobot, disc: _Disc) -> bool:
+    return disc.lowest - robot.lowest_m <= ON_GROUND * disc.radius
 
 
 def _like(disc: _Disc, others: Sequence[_Disc]) -> list[_Disc]:
@@ -146,44 +140,42 @@ def _like(disc: _Disc, others: Sequence[_Disc]) -> list[_Disc]:
 
 
 def _followers(
-    tree: Tree, at_zero: Mapping[str, Pose], wheels: Sequence[_Disc], discs: Sequence[_Disc]
+    robot: InspectedRobot, wheels: Sequence[_Disc], discs: Sequence[_Disc]
 ) -> dict[str, Turning]:
     """Casters with their swivels, what steers, and what turns inside of a wheel."""
-    below = {disc.joint.name: bodies_below(tree, disc.joint.child)[1:] for disc in wheels}
     named = [disc for disc in wheels if _CASTER.fullmatch(disc.name)]
-    swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in wheels}
+    swivels = {disc.joint.name: _swivel(robot, disc, wheels) for disc in wheels}
     steady = [d for d in wheels if d not in named and swivels[d.joint.name] is None]
     followers: dict[str, Turning] = {}
     for disc in wheels:
         swivel = swivels.get(disc.joint.name)
-        trails = swivel is not None and _trail(at_zero, swivel, disc) > TRAIL * disc.radius
+        trails = swivel is not None and _trail(robot, swivel, disc) > TRAIL * disc.radius
         follows = len(steady) > 1 and (trails or disc in named)
         if follows:
             followers[disc.joint.name] = Turning("caster", disc.radius)
         if swivel is not None:
             followers[swivel.name] = Turning("caster" if follows else "steering")
-    carried = {body for bodies in below.values() for body in bodies}
+    carried = {body for w in wheels for body in bodies_below(robot.tree, w.joint.child)[1:]}
     for disc in discs:
         if disc.joint.child in carried:
             followers[disc.joint.name] = Turning("caster", disc.radius)
     return followers
 
 
-def _swivel(
-    tree: Tree, at_zero: Mapping[str, Pose], wheel: _Disc, wheels: Sequence[_Disc]
-) -> Joint | None:
+def _swivel(robot: InspectedRobot, wheel: _Disc, wheels: Sequence[_Disc]) -> Joint | None:
     """The upright joint of a fork that carries the wheel, and nothing but wheels."""
+    tree = robot.tree
     above = tree.joint_above.get(wheel.joint.parent)
     if above is None or above.kind not in ("revolute", "continuous"):
         return None
     rolling = {body for disc in wheels for body in bodies_below(tree, disc.joint.child)}
     is_fork = set(bodies_below(tree, above.child)) <= {above.child, *rolling}
-    return above if is_fork and abs(_axis(at_zero, above)[2]) > SWIVEL else None
+    return above if is_fork and abs(robot.axis_of(above)[2]) > SWIVEL else None
 
 
-def _trail(at_zero: Mapping[str, Pose], swivel: Joint, wheel: _Disc) -> float:
+def _trail(robot: InspectedRobot, swivel: Joint, wheel: _Disc) -> float:
     """How far the wheel's axle passes by the axis of its swivel, m."""
-    away = wheel.centre - np.asarray(at_zero[swivel.child].xyz)
+    away = wheel.centre - np.asarray(robot.at_zero[swivel.child].xyz)
     forward = np.cross(wheel.axis, (0.0, 0.0, 1.0))
     return abs(float(away @ forward)) / max(float(np.linalg.norm(forward)), 1e-9)
 
@@ -191,37 +183,25 @@ def _trail(at_zero: Mapping[str, Pose], swivel: Joint, wheel: _Disc) -> float:
 # --- shapes ---------------------------------------------------------------------------------
 
 
-def _disc(
-    robot: InspectedRobot, at_zero: Mapping[str, Pose], joint: Joint, free: Sequence[Joint]
-) -> _Disc:
-    tree, X_root_body = robot.tree, at_zero[joint.child]
-    axis, origin = _axis(at_zero, joint), np.asarray(X_root_body.xyz)
+def _disc(robot: InspectedRobot, joint: Joint, free: Sequence[Joint]) -> _Disc:
+    """Measure the body on one of the joints that turn without end, which are `free`."""
+    X_root_body = robot.at_zero[joint.child]
+    axis, origin = robot.axis_of(joint), np.asarray(X_root_body.xyz)
     clouds = [X_root_body.apply(cloud) for cloud in robot.clouds_of(joint.child)]
-    if not clouds:
-        is_last = _is_last(tree, at_zero, joint, free, 0.0)
-        return _Disc(joint, axis, origin, 0.0, math.inf, 0.0, is_last)
-    middle = np.mean([(c.min(axis=0) + c.max(axis=0)) / 2.0 for c in clouds], axis=0)
+    middles = [(cloud.min(axis=0) + cloud.max(axis=0)) / 2.0 for cloud in clouds] or [origin]
     widths = [_half_widths(cloud - origin, axis) for cloud in clouds]
-    radius = max(float(width.max()) for width in widths)
+    radius = max((float(width.max()) for width in widths), default=0.0)
+    # All that hangs on it turns freely and has its place within the radius.
+    spins, below = {other.child for other in free}, bodies_below(robot.tree, joint.child)[1:]
+    ways = [math.dist(robot.at_zero[body].xyz, X_root_body.xyz) for body in below]
     return _Disc(
         joint,
         axis,
-        origin + axis * float((middle - origin) @ axis),
+        origin + axis * float((np.mean(middles, axis=0) - origin) @ axis),
         radius,
-        min(float(cloud[:, 2].min()) for cloud in clouds),
-        max(float(width.min() / max(width.max(), 1e-9)) for width in widths),
-        _is_last(tree, at_zero, joint, free, radius),
-    )
-
-
-def _is_last(
-    tree: Tree, at_zero: Mapping[str, Pose], joint: Joint, free: Sequence[Joint], radius: float
-) -> bool:
-    """Whether all that hangs on the body turns freely and has its place within the radius."""
-    spins, centre = {other.child for other in free}, at_zero[joint.child].xyz
-    return all(
-        body in spins and math.dist(at_zero[body].xyz, centre) <= radius + COINCIDENT_M
-        for body in bodies_below(tree, joint.child)[1:]
+        min((float(cloud[:, 2].min()) for cloud in clouds), default=math.inf),
+        max((float(width.min() / max(width.max(), 1e-9)) for width in widths), default=0.0),
+        spins.issuperset(below) and max(ways, default=0.0) <= radius + COINCIDENT_M,
     )
 
 
@@ -233,23 +213,6 @@ def _half_widths(points: Array, axis: Array) -> Array:
     directions = np.outer(np.cos(turns), one) + np.outer(np.sin(turns), np.cross(axis, one))
     widths: Array = (points @ directions.T).max(axis=0)
     return widths
-
-
-def _axis(at_zero: Mapping[str, Pose], joint: Joint) -> Array:
-    axis: Array = at_zero[joint.child].rotation @ np.asarray(joint.axis)
-    return axis
-
-
-def _ground(robot: InspectedRobot, at_zero: Mapping[str, Pose]) -> float:
-    """Height of the robot's lowest point, m, by what collides of a body where anything does.
-
-    Meshes that cannot be read are left out.
-    """
-    clouds = ((body.name, next(robot.clouds_of(body.name), None)) for body in robot.tree.bodies)
-    return min(
-        (float(at_zero[body].apply(c)[:, 2].min()) for body, c in clouds if c is not None),
-        default=0.0,
-    )
 
 
 def bodies_below(tree: Tree, body: str) -> list[str]:

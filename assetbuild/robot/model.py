@@ -22,7 +22,7 @@ from assetbuild.robot.actuator_table import General as General
 from assetbuild.robot.contact import Contact as Contact
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3
 from assetbuild.robot.sections import Simulation as Simulation
-from assetbuild.robot.shapes import Shape
+from assetbuild.robot.shapes import Placed, Shape
 
 Base = Literal["floating", "fixed"]
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "ball"]
@@ -207,7 +207,7 @@ class Tree:
         frame = self._by_frame[link]
         return frame.body, frame.X_body_frame
 
-    def shape_placement(self, shape: Shape) -> tuple[str, Pose]:
+    def shape_placement(self, shape: Placed) -> tuple[str, Pose]:
         """(body, X_body_shape) of a shape, which hangs on a link of the source."""
         body, X_body_link = self.placement(shape.link)
         return body, X_body_link @ shape.X_link_shape
