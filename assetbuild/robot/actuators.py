@@ -274,7 +274,7 @@ def _limit(row: float | str | None, *others: float | None) -> float | None:
 
 
 def _tuned(actuator: Actuator, entry: _Matched, inertia: float) -> Actuator:
-    """kp and kd from what the row says and the inertia that the joint moves, kg m2 or kg."""
+    """Return the drive with kp and kd from its row and the inertia that it moves, kg m2 or kg."""
     row, kp, kd = entry.row, actuator.kp, actuator.kd
     if not 0.0 < inertia < math.inf:
         what = "nothing that has mass" if row.inertia == "home" else "no armature"
