@@ -27,7 +27,6 @@ from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Actuator, Frame, General, Place, Sensor, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.sections import Action
 from assetbuild.robot.shapes import Mesh, Sphere
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjlab import Mjlab
@@ -144,24 +143,6 @@ def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
         assert said in text
     assert set(table(text, "ACTION_SCALE").values()) == {0.1}  # 0.5 * 24 / 100 would be 0.12
     assert table(text, "KNEES") == ("FR_thigh_joint", "FL_thigh_joint", "RR_thigh_joint", "RL_thigh_joint")  # fmt: skip # noqa: E501
-
-
-@pytest.mark.parametrize(
-    ("action", "effort", "kp", "unit"),
-    [
-        (Action(), 24.0, 16.0, 0.25 * 24.0 / 16.0),
-        (Action(), 24.0, 6.0, 0.5),
-        (Action(), 24.0, 80.0, 0.25),  # a quarter of the effort is 0.075 rad: it learns to stand
-        (Action(min_rad=0.0), 24.0, 80.0, 0.25 * 24.0 / 80.0),
-        (Action(rad=0.1), 24.0, 80.0, 0.1),
-        (Action(), None, 80.0, 0.5),
-    ],
-)
-def test_a_unit_of_action_moves_a_joint_neither_too_little_nor_too_far(
-    action: Action, effort: float | None, kp: float, unit: float
-) -> None:
-    assert action.scale(effort, kp, slides=False) == unit
-    assert action.scale(24.0, 2000.0, slides=True) == 0.25 * 24.0 / 2000.0
 
 
 def randomized(ranges: dict, folder: Path) -> tuple[str, list]:

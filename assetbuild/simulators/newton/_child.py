@@ -195,7 +195,7 @@ def called(label: str, names: dict[str, str]) -> str:
 
 
 def laws(model: Any, names: dict[str, str]) -> dict[str, dict[str, float | None]]:
-    """By joint, the law of its `NewtonActuator`: gains and what limits the effort, SI, rad."""
+    """Return the law of each joint's `NewtonActuator`: gains, what limits the effort, SI, rad."""
     starts = [int(start) for start in model.joint_qd_start.numpy()]
     labels = dict(zip(starts, model.joint_label, strict=False))
     by_joint: dict[str, dict[str, float | None]] = {}

@@ -81,7 +81,7 @@ def explain_textures(shapes: Shapes, folder: Path) -> Iterator[Finding]:
 def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None:
     """The robot's own file, and beside it the meshes and pictures that its shapes name.
 
-    meshes: folder of the built ones. MuJoCo reads three channels of a picture unless it is told.
+    meshes: folder of the built ones. MuJoCo reads three channels of a picture if none are stated.
     """
     for texture in root.iter("texture"):
         if has_holes((meshes / texture.attrib["file"]).read_bytes()):
@@ -162,7 +162,7 @@ class _Opaque:
     def __init__(self, items: tuple[MjcfOnly, ...], body_names: Mapping[str, str]) -> None:
         self._body_names = body_names
         self._added: dict[tuple[str, str], Element] = {}
-        """By place and owner, what belongs on an element and into it."""
+        """Return what belongs on an element and into it, by place and owner."""
         self._keys = {item.owner: parsed(item) for item in items if item.place == "keyframe"}
         for item in (item for item in items if item.place != "keyframe"):
             node, place = parsed(item), "body" if item.place == "root" else item.place
