@@ -162,7 +162,7 @@ class _Opaque:
     def __init__(self, items: tuple[MjcfOnly, ...], body_names: Mapping[str, str]) -> None:
         self._body_names = body_names
         self._added: dict[tuple[str, str], Element] = {}
-        """Return what belongs on an element and into it, by place and owner."""
+        """What belongs on an element and into it, by place and owner."""
         self._keys = {item.owner: parsed(item) for item in items if item.place == "keyframe"}
         for item in (item for item in items if item.place != "keyframe"):
             node, place = parsed(item), "body" if item.place == "root" else item.place
