@@ -61,9 +61,8 @@ def set_limits(memory_mb: int, others: Mapping[int, tuple[int, int]]) -> None:
     memory = mapped + memory_mb * 1024 * 1024
     wanted = {resource.RLIMIT_AS: (memory, memory), resource.RLIMIT_CORE: (0, 0), **others}
     for kind, bounds in wanted.items():
-        with suppress(
-            ValueError, OSError
-        ):  # a lower hard limit of the user's, or the step's, stays
+        # A lower hard limit of the user's, or the step's, stays.
+        with suppress(ValueError, OSError):
             resource.setrlimit(kind, bounds)
 
 
