@@ -41,6 +41,7 @@ class Session:
         self.world = (world or World()).whole
         self.world.stamps = Stamps(store.root / "stat.json", fresh=rehash)
         self._listings: dict[str, Listing] = {}
+        self._views: dict[str, Path] = {}
 
     def __enter__(self) -> Session:
         return self
@@ -80,10 +81,22 @@ class Session:
             self._listings[digest] = self.store.tree(digest)
         return self._listings[digest]
 
+    def view(self, digest: str) -> Path:
+        """A folder of links to the files of a tree, laid out once per session. Errors as `object`."""
+        if digest not in self._views:
+            folder = self.store.scratch()
+            for name, (member, _) in self.tree(digest).items():
+                place = folder / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.symlink_to(self.object(member))
+            self._views[digest] = folder
+        return self._views[digest]
+
     def forget(self) -> None:
         """An object was lost: look again what is whole."""
         self.actions.forget()
         self._listings.clear()
+        self._views.clear()
 
 
 class Resolver:
