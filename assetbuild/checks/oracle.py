@@ -66,6 +66,7 @@ class Oracle(mujoco.WithMujoco):
     needs: ClassVar = ("mjcf", "source")
     reads: ClassVar = ("links.json", "tree.json")
     requires: ClassVar = {"pinocchio": "oracle"}
+    imports: ClassVar = ("pinocchio",)
 
     robot: str
     poses: int = 50

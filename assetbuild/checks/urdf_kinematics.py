@@ -38,6 +38,7 @@ class UrdfKinematics(Check):
 
     isolated: ClassVar = True
     preload: ClassVar = MESH_MODULES  # yourdfpy needs trimesh, which needs most of them
+    imports: ClassVar = ("yourdfpy",)
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json",)
 

@@ -29,6 +29,7 @@ class UrdfLoads(Check):
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
     preload: ClassVar = ("mujoco",)
+    imports: ClassVar = ("pinocchio",)
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ()
     requires: ClassVar = {"pinocchio": "oracle"}

@@ -296,7 +296,8 @@ class Worker:
 
     def run(self, step: Step, job: Path) -> Ended | None:
         """Run one job; None when the worker died meanwhile."""
-        request = {"job": str(job), "module": type(step).__module__, "wall_s": step.limits.wall_s}
+        modules = [type(step).__module__, *step.imports]
+        request = {"job": str(job), "modules": modules, "wall_s": step.limits.wall_s}
         self.wait_for_start()
         with suppress(OSError), self.door.ask(request) as answers:
             for line in answers.makefile():

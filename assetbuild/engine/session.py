@@ -82,7 +82,7 @@ class Session:
         return self._listings[digest]
 
     def view(self, digest: str) -> Path:
-        """A folder of links to the files of a tree, laid out once per session. Errors as `object`."""
+        """A folder of links to the files of a tree, made once per session. Errors as `object`."""
         if digest not in self._views:
             folder = self.store.scratch()
             for name, (member, _) in self.tree(digest).items():

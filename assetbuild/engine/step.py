@@ -75,6 +75,8 @@ class Step(BaseModel):
 
     Steps with the same tuple share one process that has them imported, so name them alike.
     """
+    imports: ClassVar[tuple[str, ...]] = ()
+    """Modules that this kind of step alone needs: its worker imports them before the first one."""
     limits: ClassVar[Limits] = Limits()
     usual_s: ClassVar[float] = 0.1
     """How long such a step takes on one core, about. What takes longest, with all that waits for

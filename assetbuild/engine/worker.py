@@ -3,8 +3,8 @@
 A door is a socket that brings a socket for each request; on that comes one line of JSON. The first
 process has its door as standard input and is asked for workers, `{"worker": CONFIG}`: it answers
 `{"pid"}`, and the socket becomes the worker's door. A worker imports the modules of its kind once
-and is asked for steps, `{"job", "module", "wall_s"}`: the path of a job file, and the module of its
-step. It answers `{"pid"}` of the step's process, then `{"status", "wall_s", "cpu_s", "over"}`. A
+and is asked for steps, `{"job", "modules", "wall_s"}`: the path of a job file, and what its step is
+made of. It answers `{"pid"}` of the step's process, then `{"status", "wall_s", "cpu_s", "over"}`. A
 crash of a step loses that step only. When a door ends, because the parent closed it or died,
 everything that runs behind it is killed.
 """
@@ -143,12 +143,13 @@ class Zygote:
             if self.door.fileno() in ready:
                 self.start()
 
-    def load(self, module: str) -> None:
-        """Import the step's own module here, once, so that its forks need not."""
-        if self.fresh or module in sys.modules:
+    def load(self, modules: list[str]) -> None:
+        """Import the step's own modules here, once, so that its forks need not."""
+        if self.fresh or all(module in sys.modules for module in modules):
             return
-        with suppress(Exception):  # the process of the step will meet it again, and say so
-            importlib.import_module(module)
+        for module in modules:
+            with suppress(Exception):  # the process of the step will meet it again, and say so
+                importlib.import_module(module)
         _seed()  # numpy loads its generators when they are first named: once, not in each fork
         gc.freeze()
         self.fresh = _threads_survive_fork()
@@ -161,7 +162,7 @@ class Zygote:
         caller = socket.socket(fileno=descriptors[0])
         request = json.loads(caller.makefile("rb").readline())
         if "job" in request:
-            self.load(request["module"])
+            self.load(request["modules"])
         me = os.getpid()
         now = time.monotonic()
         try:

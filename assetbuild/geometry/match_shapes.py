@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
@@ -37,6 +38,7 @@ class MatchShapes(Step):
     usual_s = 0.5
     outputs = ("matches.json",)
     isolated = True
+    preload = MESH_MODULES
     limits = Limits(wall_s=600.0, memory_mb=4096)
 
     folders: tuple[str, ...] = Field(min_length=2)
