@@ -14,7 +14,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.material import MaterialPart
-from assetbuild.mesh.obj import SUFFIX, array_bytes
+from assetbuild.mesh.obj import SUFFIX, write_arrays
 from assetbuild.mesh.picture import has_holes, picture_name, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
@@ -240,8 +240,9 @@ def write_converted(
     """Write `parts/<n>.npz` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
     (folder / "parts").mkdir(exist_ok=True)
     for number, part in enumerate(parts):
-        (folder / "parts" / f"{number}{SUFFIX}").write_bytes(array_bytes(part.mesh))
-    whole = weld(merged([part.mesh for part in parts]))
+        write_arrays(folder / "parts" / f"{number}{SUFFIX}", part.mesh)
+    whole = merged([part.mesh for part in parts])
+    whole = whole if len(parts) == 1 else weld(whole)
     closed = whole.is_closed  # when all parts together are
     lower, upper = whole.bounds
     described = (

@@ -256,14 +256,12 @@ def _corners(blocks: Sequence[_Lines], subject: str) -> tuple[Indices, Indices]:
 SUFFIX = ".npz"
 
 
-def array_bytes(mesh: TriangleMesh) -> bytes:
-    """The arrays of a mesh as an npz file; zeros have no sign, as in OBJ text."""
+def write_arrays(path: Path, mesh: TriangleMesh) -> None:
+    """Write the arrays of a mesh as an npz file; zeros have no sign, as in OBJ text."""
     tables = {"vertices": mesh.vertices, "uv": mesh.uv, "normals": mesh.normals}
     arrays: dict[str, Any] = {"faces": mesh.faces}  # Any: `savez` has other keywords, too
     arrays |= {name: table + 0.0 for name, table in tables.items() if table is not None}
-    file = io.BytesIO()
-    np.savez(file, **arrays)
-    return file.getvalue()
+    np.savez(path, **arrays)
 
 
 def read_part(path: Path, subject: str = "mesh") -> TriangleMesh:

@@ -16,7 +16,6 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
 from assetbuild.rendering.studio import (
     BACKGROUND,
-    LAMP,
     Camera,
     Paint,
     Pixels,
@@ -41,8 +40,6 @@ MARGIN = 1.1
 """How much larger the frame is than what is shown."""
 OF_A_MESH = 1500
 """Vertices of each mesh that the camera is fitted to, evenly chosen."""
-HERO_SAMPLES = 2
-"""Frames behind the first picture: each with the lamp a little elsewhere."""
 VISUAL, COLLISION = 2, 3
 """Groups of geoms."""
 BODY = (VISUAL, COLLISION)
@@ -95,7 +92,7 @@ class Stage:
         if self.bare:
             return self._picture(studio, self._seen(self.looks), flags=("mjVIS_INERTIA",))
         camera = self._seen(np.concatenate([self.looks, self._shadow()]))
-        return self._picture(studio, camera, groups=self.groups, samples=HERO_SAMPLES, soft=True)
+        return self._picture(studio, camera, groups=self.groups, samples=1, shadow=True)
 
     def others(self, studio: Studio) -> Iterator[tuple[str, Pixels]]:
         """(file, picture) of what one does not see of a robot that stands before one."""
@@ -126,10 +123,10 @@ class Stage:
         return studio.frame(self.data, Shot(camera, *self.frame, **more))
 
     def _shadow(self) -> Array:
-        """(n, 3) m, how far the robot's shadow reaches on the floor; its edge is soft."""
+        """(n, 3) m, how far the robot's shadow reaches on the floor."""
         forward, right, _ = directions(FRONT, ELEVATION)
         lamp = lamp_direction(forward, right)
-        falls = (1.0 + 3.0 * LAMP) * (self.looks[:, 2:] - self.lowest) / -lamp[2]
+        falls = (self.looks[:, 2:] - self.lowest) / -lamp[2]
         return np.asarray(self.looks + falls * lamp, dtype=np.float64)
 
     def _with_ellipsoids(self) -> Array:

@@ -84,7 +84,8 @@ def _pictures(
         shift = np.array([*(moment.place[:2] - start[:2]), 0.0])
         studio.middle = stage.middle + shift
         yield studio.frame(
-            data, Shot(camera.moved(shift), *size, groups=stage.groups, samples=SAMPLES, soft=True)
+            data,
+            Shot(camera.moved(shift), *size, groups=stage.groups, samples=SAMPLES, shadow=True),
         )
 
 

@@ -22,16 +22,12 @@ BACKGROUND = 240
 """Grey level of the floor in the light and of what lies behind it."""
 FLOOR = 0.55
 """Share of the floor's brightness that a shadow can take; the rest shines by itself."""
-SHADOW_MAP = 1024
-"""Pixels across the shadow map; the average over several lamps hides its steps."""
-LAMP = 0.07
-"""Radius of the lamp as seen from the robot, rad: how soft its shadows are."""
+SHADOW_MAP = 2048
+"""Pixels across the shadow map: with half of them the steps of a shadow on the robot are seen."""
 PENUMBRA = 1.0 / 160.0
 """How far shadows on the floor are blurred, as a share of the picture's width."""
 EDGE = 3
 """Pixels at the edge of the floor that hold some of what stands there: they are not blurred."""
-GOLDEN_ANGLE = 2.399963
-"""rad; points that turn by it fill a disc evenly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +58,8 @@ class Shot:
     """What a frame shows.
 
     groups: geom groups (0 floor, 2 visual, 3 collision). flags: names such as `mjVIS_JOINT`.
-    samples: frames that are averaged, each shifted by a part of a pixel; `soft` moves the lamp.
+    samples: frames that are averaged, each shifted by a part of a pixel. shadow: the robot throws
+    one, whose edge on the floor is soft.
     """
 
     camera: Camera
@@ -71,7 +68,7 @@ class Shot:
     groups: tuple[int, ...] = (0, 2)
     flags: tuple[str, ...] = ()
     samples: int = 2
-    soft: bool = False
+    shadow: bool = False
     paint: Paint | None = None
 
 
@@ -120,14 +117,14 @@ class Studio:
     def frame(self, data: Data, shot: Shot) -> Pixels:
         """(height, width, 3) colours."""
         self._arrange(data, shot)
-        self._scene.flags[mj.mjtRndFlag.mjRND_SHADOW.value] = shot.soft
+        self._scene.flags[mj.mjtRndFlag.mjRND_SHADOW.value] = shot.shadow
         total = np.zeros((shot.height, shot.width, 3), dtype=np.uint16)
+        self._light(shot)
         for number in range(shot.samples):
-            self._light(number, shot)
             self._aim(number, shot)
             total += self._drawn(shot)
         mean = (total + shot.samples // 2) // shot.samples
-        if shot.soft:
+        if shot.shadow:
             mean = _blurred(mean, self._is_floor(shot), PENUMBRA * shot.width)
         return np.ascontiguousarray(mean[::-1], dtype=np.uint8)
 
@@ -177,24 +174,17 @@ class Studio:
         floor.specular = floor.shininess = floor.reflectance = 0.0
         floor.pos[2] = self.floor
 
-    def _light(self, number: int, shot: Shot) -> None:
+    def _light(self, shot: Shot) -> None:
         """A lamp over the left shoulder of the camera, which casts shadows, and a fill light."""
-        forward, right = shot.camera.forward, shot.camera.right
-        lamp = lamp_direction(forward, right)
-        if shot.soft:
-            out = LAMP * math.sqrt((number + 0.5) / shot.samples)
-            side = _unit(np.cross(lamp, right))
-            angle = number * GOLDEN_ANGLE
-            lamp = _unit(
-                lamp + out * (math.cos(angle) * side + math.sin(angle) * np.cross(lamp, side))
-            )
+        forward = shot.camera.forward
+        lamp = lamp_direction(forward, shot.camera.right)
         self._scene.nlight = 2
         falls = -float(lamp[2])
         slanted = max(-float(forward[2]), 0.0)
         fill, ambient, key = 0.26, 0.36, 0.58
         # A white floor in these three lights is as grey as the background.
         key = (BACKGROUND / 255.0 - ambient - fill * slanted) / falls if falls > 0.3 else key
-        self._directed(0, lamp, key, 0.18, 0.0, shot.soft)
+        self._directed(0, lamp, key, 0.18, 0.0, shot.shadow)
         self._directed(1, forward, fill, 0.05, ambient, False)
 
     def _directed(
