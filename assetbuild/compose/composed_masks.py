@@ -52,7 +52,7 @@ class _Side:
         masks = {
             (c.contype, c.conaffinity) for c in (control.contact, *(c for _, c in control.contacts))
         }
-        return masks | {_of_geom(e) for e in _geoms(control.mjcf_only)}
+        return masks | {_of_geom(parsed(item)) for item in control.mjcf_only if _is_geom(item)}
 
     def change(self, function: Callable[[Masks], Masks]) -> None:
         """Other masks for all shapes."""
@@ -166,10 +166,8 @@ def _with_bits(contype: int, conaffinity: int, masks: Masks) -> Masks:
 # --- geoms that only MJCF has ---------------------------------------------------------------
 
 
-def _geoms(items: tuple[MjcfOnly, ...]) -> Iterator[ElementTree.Element]:
-    for item in items:
-        if item.place == "body" and item.element.startswith("<geom"):
-            yield parsed(item)
+def _is_geom(item: MjcfOnly) -> bool:
+    return item.place == "body" and item.element.startswith("<geom")
 
 
 def _of_geom(geom: ElementTree.Element) -> Masks:
@@ -177,7 +175,7 @@ def _of_geom(geom: ElementTree.Element) -> Masks:
 
 
 def _changed_item(item: MjcfOnly, function: Callable[[Masks], Masks]) -> MjcfOnly:
-    if item.place != "body" or not item.element.startswith("<geom"):
+    if not _is_geom(item):
         return item
     geom = parsed(item)
     before = _of_geom(geom)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from assetbuild.compose.compose_parts import ComposeParts, MountedPart, part_path
-from assetbuild.compose.composed_control import KeyOf
+from assetbuild.compose.compose_parts import ComposeParts, part_path
+from assetbuild.compose.composed_control import KeyOf, MountedPart
 from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
 from assetbuild.compose.names import HOME, Member
 from assetbuild.engine.graph import Ref
@@ -58,9 +58,10 @@ def compose(
     whole = composed(members)
     names = (*whole.recipe.keyframes, *members[0].poses)
     poses = {name: pose_of(pose_rows(members, name)) for name in names}
+    mounted = {m.prefix: ready for m, ready in zip(members[1:], made[1:], strict=True)}
     inputs = _inputs("base", base)
-    for member, ready in zip(members[1:], made[1:], strict=True):
-        inputs |= _inputs(member.prefix, ready)
+    for prefix, ready in mounted.items():
+        inputs |= _inputs(prefix, ready)
     step = ComposeParts(
         parts=tuple(_part_on(member, loaded.recipe, poses) for member in members[1:]),
         keeps=members[0].side.keeps,
@@ -72,7 +73,7 @@ def compose(
         base,
         read=read,
         robot={port: node[port] for port in ("links.json", "shapes.json")},
-        geometry=_geometry(base, {m.prefix: r for m, r in zip(members[1:], made[1:], strict=True)}),
+        geometry=_geometry(base, mounted),
         source_map=node["source_map.json"],
         sides=tuple(member.side for member in members),
         poses={name: pose for name, pose in poses.items() if name not in whole.recipe.keyframes},
