@@ -53,6 +53,7 @@ def _masks(contact: Contact) -> Contact:
     return Contact(contype=contact.contype, conaffinity=contact.conaffinity)
 
 
+RATINGS = ("damping", "friction", "effort", "velocity")
 LOOP_MIMIC = Rule(
     "loop.mimic",
     "error",
@@ -71,21 +72,15 @@ class KeepRatings(Step):
     outputs = ("ratings.json",)
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Effort, velocity, damping and friction are kept."""
-        control = RobotFiles(files.inputs).control
+        """Only `RATINGS` of the actuators are kept."""
+        robot = RobotFiles(files.inputs)
+        control = robot.control
         mimics: tuple[LoopMimic, ...] = ()
         refused: dict[str, str] = {}
         if any(loop.urdf == "mimic" for loop in control.loops):
-            mimics, refused = loop_mimics(RobotFiles(files.inputs).tree, control)
+            mimics, refused = loop_mimics(robot.tree, control)
         ratings = (
-            Actuator(
-                joint=row.joint,
-                model="passive",
-                damping=row.damping,
-                friction=row.friction,
-                effort=row.effort,
-                velocity=row.velocity,
-            )
+            Actuator(row.joint, "passive", **{key: getattr(row, key) for key in RATINGS})
             for row in control.actuators
         )
         kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)

@@ -152,7 +152,6 @@ def _own_drive(item: MjcfOnly) -> Finding:
         f"joint {item.owner}",
         f"`{name}` {why or 'scales its command'}: the MJCF keeps it, in all other formats it is "
         "the drive of this joint, which moves alike",
-        "outside of the MJCF command a position or a speed of the joint",
         data={"actuator": name, "tendon": tendon},
     )
 

@@ -240,8 +240,8 @@ def _newton(
     No parameter goes further than `FURTHEST`; the others then take what is best beside it.
     """
     residual = ((problem.measured - simulated) / sigma).reshape(-1)
-    weighted = (jacobian / sigma).reshape(len(theta), -1)
-    information, gradient = weighted @ weighted.T, weighted @ residual
+    information = _information(jacobian, sigma)
+    gradient = (jacobian / sigma).reshape(len(theta), -1) @ residual
     whole = information + np.diag(1.0 / _scale(problem, theta) ** 2)
     furthest = np.maximum(np.abs(theta), FURTHEST * np.abs(problem.steps))
     least = np.maximum(problem.lower - theta, -furthest)

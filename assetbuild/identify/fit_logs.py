@@ -130,15 +130,7 @@ class FitLogs(Step):
         return unknowns
 
     def _parameters(self, tree: Tree, solution: Solution) -> Iterator[Parameter]:
-        rows = zip(
-            solution.unknowns,
-            solution.estimate.theta,
-            solution.low,
-            solution.high,
-            solution.refused,
-            strict=True,
-        )
-        for unknown, value, low, high, why in rows:
+        for i, unknown in enumerate(solution.unknowns):
             if not unknown.wanted:
                 continue
             names = tuple(self.joints[j] for j in unknown.joints)
@@ -147,11 +139,11 @@ class FitLogs(Step):
             yield Parameter(
                 name=unknown.name,
                 joints=names,
-                value=short(value),
-                low=short(max(low, 0.0)),
-                high=short(high),
+                value=short(solution.estimate.theta[i]),
+                low=short(max(solution.low[i], 0.0)),
+                high=short(solution.high[i]),
                 prior=unknown.prior if has_prior else None,
-                refused=why,
+                refused=solution.refused[i],
                 unit=UNITS[unknown.name][int(slides)],
             )
 
@@ -269,11 +261,9 @@ def _findings(fit: Fit) -> Iterator[Finding]:
                 hint="state a value inside this range in the actuator table",
                 data={"parameter": each.name, "low": each.low, "high": each.high},
             )
-    worse = [p for p in fit.predictions if p.after > 1.05 * p.before > 0.0]
-    for joint in worse:
+    for joint in (p for p in fit.predictions if p.after > 1.05 * p.before > 0.0):
         yield WORSE(
             f"joint {joint.joint}",
             f"held-out RMS {joint.after:.3g} with the fit, {joint.before:.3g} with the priors",
-            hint="check the gains in `recorded`, and whether the robot carried something",
             data={"before": joint.before, "after": joint.after},
         )

@@ -133,7 +133,8 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     yield from _outside(policy, bot)
     quat = policy.start_quat
     if quat is not None and abs(quat[3]) > abs(quat[0]) and abs(quat[3]) > 1.0 - SLIP:
-        yield QUATERNION("policy", f"the base starts turned by ({_row(quat)}), w first")
+        turn = ", ".join(f"{value:.4g}" for value in quat)
+        yield QUATERNION("policy", f"the base starts turned by ({turn}), w first")
 
 
 def _columns(policy: Policy, bot: Bot) -> Iterator[Column]:
@@ -221,20 +222,17 @@ def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
         hint = "add the target `policy` and `policy: {bus_order: [...]}` to the recipe"
         yield ORDER("policy", text, hint)
         return
-    engine, off = min(
-        ((name, _places_off(policy.joints, order)) for name, order in known.items()),
-        key=lambda pair: len(pair[1]),
-    )
+    elsewhere = {
+        engine: [a for a, b in zip(policy.joints, order, strict=True) if a != b]
+        for engine, order in known.items()
+    }
+    engine, off = min(elsewhere.items(), key=lambda pair: len(pair[1]))
     if not off:
         text = f"the joints stand in {ENGINES[engine]} order; its trainer counts them otherwise"
     else:
         listed = quoted(off, SHOWN, MORE)
         text = f"the joints stand in no engine's order; {ENGINES[engine]}, but for {listed}"
     yield ORDER("policy", text, data={"nearest": engine, "joints": tuple(off)})
-
-
-def _places_off(one: Sequence[str], other: Sequence[str]) -> list[str]:
-    return [a for a, b in zip(one, other, strict=True) if a != b]
 
 
 # --- numbers --------------------------------------------------------------------------------------
@@ -360,7 +358,3 @@ def _of(differ: list[str], names: list[str]) -> str:
 
 def _both(column: Column, name: str) -> str:
     return f"`{name}` {column.values[name]:.4g}, {column.reference[name]:.4g} of {column.against}"
-
-
-def _row(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:.4g}" for value in values)
