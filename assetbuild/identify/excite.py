@@ -111,15 +111,12 @@ class Excite(Step):
         """(J,) factors of the amplitudes, and the record of a simulated robot without noise."""
         scale = np.ones(len(self.joints))
         for _ in range(TRIES):
-            target = np.stack(
-                [
-                    self._command(tree.by_joint[name], middle, reach * s, j)
-                    for j, (name, (middle, reach), s) in enumerate(
-                        zip(self.joints, ranges, scale, strict=True)
-                    )
-                ],
-                axis=1,
-            )
+            rows = zip(self.joints, ranges, scale, strict=True)
+            commands = [
+                self._command(tree.by_joint[name], middle, reach * s, j)
+                for j, (name, (middle, reach), s) in enumerate(rows)
+            ]
+            target = np.stack(commands, axis=1)
             blank = Record(1.0 / self.rate_hz, target, target)
             position = plant.simulate(blank, [drives])[0][0]
             every = max(1, round(self.rate_hz / LOOKS_HZ))

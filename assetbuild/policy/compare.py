@@ -112,7 +112,15 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     if sizes is not None:
         yield from _shape(policy, sizes)
     yield from _order(policy, bot)
-    for column in _columns(policy, bot):
+    start = {name: bot.position[name] for name in policy.joints if name in bot.position}
+    pose = {name: policy.position[name] for name in policy.acts_on}
+    for column in (
+        Column(GAINS, "kp", policy.kp, bot.kp),
+        Column(GAINS, "kd", policy.kd, bot.kd),
+        Column(POSITION, "default position", policy.position, start),
+        Column(OFFSET, "offset of the action", policy.offset, pose, "its default pose", False),
+        Column(SCALE, "action scale", policy.scale, {}),
+    ):
         yield from _told(column, policy, bot)
     if policy.step_s is None:
         text = (
@@ -135,16 +143,6 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     if quat is not None and abs(quat[3]) > abs(quat[0]) and abs(quat[3]) > 1.0 - SLIP:
         turn = ", ".join(f"{value:.4g}" for value in quat)
         yield QUATERNION("policy", f"the base starts turned by ({turn}), w first")
-
-
-def _columns(policy: Policy, bot: Bot) -> Iterator[Column]:
-    start = {name: bot.position[name] for name in policy.joints if name in bot.position}
-    yield Column(GAINS, "kp", policy.kp, bot.kp)
-    yield Column(GAINS, "kd", policy.kd, bot.kd)
-    yield Column(POSITION, "default position", policy.position, start)
-    pose = {name: policy.position[name] for name in policy.acts_on}
-    yield Column(OFFSET, "offset of the action", policy.offset, pose, "its default pose", False)
-    yield Column(SCALE, "action scale", policy.scale, {})
 
 
 def _outside(policy: Policy, bot: Bot) -> Iterator[Finding]:

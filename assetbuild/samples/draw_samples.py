@@ -194,7 +194,5 @@ def _slid(contact: Contact, sample: Sample) -> Contact:
 
 
 def _varied(actuator: Actuator, by: JointSample) -> Actuator:
-    stated = {key: getattr(actuator, key) for key in JOINT_FACTORS}
-    return replace(
-        actuator, **{key: value and value * getattr(by, key) for key, value in stated.items()}
-    )
+    stated = {key: value for key in JOINT_FACTORS if (value := getattr(actuator, key))}
+    return replace(actuator, **{key: v * getattr(by, key) for key, v in stated.items()})
