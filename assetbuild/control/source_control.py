@@ -124,8 +124,7 @@ def _actuators(
 
     A joint's effort limit is that of its drive as it was read; it differs where an edit sets it.
     """
-    rows = stated.rows
-    silent = [row.joints for row in rows if row.armature is None and row.motor is None]
+    stating = [r.joints for r in stated.rows if r.armature is not None or r.motor is not None]
 
     def chosen(actuator: Actuator) -> Actuator:
         name = actuator.joint
@@ -134,9 +133,7 @@ def _actuators(
             kept = before or Actuator(name, "passive")
             effort = tree.by_joint[name].limits.effort
             return replace(kept, effort=effort) if effort else kept
-        mute = any(re.fullmatch(pattern, name) for pattern in silent)
-        unmatched = not any(re.fullmatch(row.joints, name) for row in rows)
-        if before is None or not (mute or unmatched):
+        if before is None or any(re.fullmatch(pattern, name) for pattern in stating):
             return actuator
         return replace(actuator, armature=before.armature)
 

@@ -94,7 +94,7 @@ class FitLogs(Step):
         ]
         cut = [int(len(record.position) * (1.0 - self.hold_out)) for record in whole]
         fitted = [record.until(n) for record, n in zip(whole, cut, strict=True)]
-        unknowns = self._unknowns(tree, priors)
+        unknowns = self._unknowns(priors)
         solution = solve(
             plant, fitted, priors, unknowns, self.max_relative_interval, self.effective
         )
@@ -111,7 +111,7 @@ class FitLogs(Step):
         (files.outputs / "fit.json").write_bytes(encode(fit))
         yield from _findings(fit)
 
-    def _unknowns(self, tree: Tree, priors: Sequence[Drive]) -> list[Unknown]:
+    def _unknowns(self, priors: Sequence[Drive]) -> list[Unknown]:
         """Those of shared joints once; a delay is common to the joints that ask for one."""
         wanted = dict(self.fit)
         unknowns, taken = [], set()
