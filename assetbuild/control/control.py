@@ -22,12 +22,7 @@ from assetbuild.control.close_loops import (
 )
 from assetbuild.control.findings import actuator_findings, contact_findings, row_findings
 from assetbuild.control.ground import Ground, placed_base, with_reach
-from assetbuild.control.senses import (
-    check_sensors,
-    contacts,
-    placed_cameras,
-    placed_sensors,
-)
+from assetbuild.control.senses import check_sensors, contacts, placed_cameras, placed_sensors
 from assetbuild.control.source_control import StatedControl, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, meant_pattern

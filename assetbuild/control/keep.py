@@ -15,16 +15,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import by_constraint, joints_of
 from assetbuild.robot.mimic import leading
-from assetbuild.robot.model import (
-    Actuator,
-    Contact,
-    Control,
-    Joint,
-    Loop,
-    LoopMimic,
-    Mimic,
-    Tree,
-)
+from assetbuild.robot.model import Actuator, Contact, Control, Joint, Loop, LoopMimic, Mimic, Tree
 
 
 class KeepPose(Step):

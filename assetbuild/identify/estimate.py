@@ -293,17 +293,9 @@ def _judged(
     influence = np.einsum("pq,qnc->pnc", covariance, jacobian / sigma)
     lacking = np.sqrt(np.sum(influence**2, axis=1) @ _above_noise(problem, sigma))
     lacking *= 2.0 / np.sqrt(DIRECTIONS)
+    low, high = theta - half, theta + half
     return Estimate(
-        theta,
-        theta - half,
-        theta + half,
-        correlation,
-        condition,
-        sigma,
-        simulated,
-        jacobian,
-        covariance,
-        lacking,
+        theta, low, high, correlation, condition, sigma, simulated, jacobian, covariance, lacking
     )
 
 

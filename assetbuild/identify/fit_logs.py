@@ -19,14 +19,7 @@ from assetbuild.identify.record import Drive, Record, smooth
 from assetbuild.identify.solve import LACKS, Solution, Unknown, solve
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.identify import (
-    UNITS,
-    Fit,
-    LogUsed,
-    Parameter,
-    Prediction,
-    Related,
-)
+from assetbuild.robot.identify import UNITS, Fit, LogUsed, Parameter, Prediction, Related
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import Array
 
@@ -93,7 +86,7 @@ class FitLogs(Step):
             for record in read_records(files.inputs / "records" / f"{number}.npz")
         ]
         cut = [int(len(record.position) * (1.0 - self.hold_out)) for record in whole]
-        fitted = [record.until(n) for record, n in zip(whole, cut, strict=True)]
+        fitted = [record[:n] for record, n in zip(whole, cut, strict=True)]
         unknowns = self._unknowns(priors)
         solution = solve(
             plant, fitted, priors, unknowns, self.max_relative_interval, self.effective

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -106,7 +105,7 @@ class ReadLog(Step):
                     )
         np.savez(files.outputs / "record.npz", **arrays)  # type: ignore[arg-type] # arrays by name
         about = {"file": self.file, "rate_hz": round(1.0 / period, 6), "seconds": round(seconds, 6)}
-        (files.outputs / "about.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
+        files.write_json("about.json", about)
 
     @property
     def _kinds(self) -> tuple[str, ...]:

@@ -197,16 +197,9 @@ class Record:
         loud = np.max(np.abs(change) / scale, axis=1)
         width = 2 * self.lead + 1
         loudest = np.array([loud[n : n + width].max() for n in range(within)])
-        return self.after(int(np.argmin(loudest)))
+        return self[int(np.argmin(loudest)) :]
 
-    def after(self, sample: int) -> Record:
-        """The record from a sample on."""
-        return self._part(slice(sample, None))
-
-    def until(self, sample: int) -> Record:
-        """The record before a sample."""
-        return self._part(slice(0, sample))
-
-    def _part(self, part: slice) -> Record:
+    def __getitem__(self, part: slice) -> Record:
+        """The record between two samples."""
         others = [None if all_ is None else all_[part] for all_ in (self.torque, self.base)]
         return Record(self.period_s, self.position[part], self.target[part], *others)

@@ -123,7 +123,7 @@ def _guesses(
 
 def _errors(plant: Plant, records: Sequence[Record], tried: Sequence[Sequence[Drive]]) -> Array:
     """(tried, J) RMS of what each predicts of the first seconds of the first record."""
-    record = records[0].until(int(TRIED_S / records[0].period_s))
+    record = records[0][: int(TRIED_S / records[0].period_s)]
     errors = []
     for drives in tried:
         steps = plant.in_steps(plant.longest_for(drives))

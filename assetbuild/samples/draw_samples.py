@@ -26,12 +26,7 @@ from assetbuild.robot.randomize import (
     inertial_of,
     unit_draws,
 )
-from assetbuild.robot.ranges import (
-    JOINT_FACTORS,
-    Randomize,
-    RandomPayload,
-    first_match,
-)
+from assetbuild.robot.ranges import JOINT_FACTORS, Randomize, RandomPayload, first_match
 
 
 class DrawSamples(Step):
