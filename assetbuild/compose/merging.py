@@ -311,10 +311,8 @@ def _loops(members: Sequence[Member]) -> Iterator[Row[LoopRow]]:
 
 def _imu(members: Sequence[Member]) -> Imu | None:
     """The base's; the first part's where the base has none."""
-    for member in members:
-        if (imu := member.recipe.imu) is not None:
-            return under(member.prefix, imu, "link")
-    return None
+    imus = ((member.prefix, member.recipe.imu) for member in members)
+    return next((under(prefix, imu, "link") for prefix, imu in imus if imu), None)
 
 
 def _other_imus(members: Sequence[Member], whole: Imu | None) -> dict[str, Row[Sensor]]:

@@ -59,9 +59,12 @@ def compose(
     names = (*whole.recipe.keyframes, *members[0].poses)
     poses = {name: pose_of(pose_rows(members, name)) for name in names}
     mounted = {m.prefix: ready for m, ready in zip(members[1:], made[1:], strict=True)}
-    inputs = _inputs("base", base)
-    for prefix, ready in mounted.items():
-        inputs |= _inputs(prefix, ready)
+    inputs: dict[str, Ref] = {}
+    for folder, ready in {"base": base, **mounted}.items():
+        refs = {**ready.robot, "source_map.json": ready.source_map}
+        if ready.read.control is not None:
+            refs["source_control.json"] = ready.read.control
+        inputs |= {f"{folder}/{name}": ref for name, ref in refs.items()}
     step = ComposeParts(
         parts=tuple(_part_on(member, loaded.recipe, poses) for member in members[1:]),
         keeps=members[0].side.keeps,
@@ -150,13 +153,6 @@ def _check_home(members: Sequence[Member]) -> None:
             message = "the base has no keyframe `home`, in which the part could stand so"
             hint = f"add one to its keyframes; it has {', '.join(known)}"
             raise base.loaded.error((*part.row, HOME), message, hint)
-
-
-def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:
-    refs = {**ready.robot, "source_map.json": ready.source_map}
-    if ready.read.control is not None:
-        refs["source_control.json"] = ready.read.control
-    return {f"{folder}/{name}": ref for name, ref in refs.items()}
 
 
 def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]]) -> MountedPart:
