@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -112,7 +112,11 @@ def _of_loop(
     (leader,) = leaders
     followers = [j.name for j in path if j.mimic is None and j.name != leader]
     home = dict(initial_pose(tree, control).joints)
-    if not _are_led(tree, loops, home, followers):
+    moving = motions(tree, home)
+    columns = [moving.column(name) for name in followers]
+    jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    if int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum()) < len(columns):
         return "its other joints can move while the driven one stands still"
     everywhere = joints_of(tree, control.loops)
     poses = list(poses_along(tree, control, home, tree.by_joint[leader], everywhere - driven))
@@ -127,14 +131,3 @@ def _of_loop(
         off = float(np.abs(start + slope * q - asked).max())
         made.append(LoopMimic(name, follower, Mimic(leader, slope, start), off, ends))
     return made
-
-
-def _are_led(
-    tree: Tree, loops: Sequence[Loop], home: Mapping[str, float], followers: Collection[str]
-) -> bool:
-    """Whether the loops hold these joints where all others stand still."""
-    moving = motions(tree, home)
-    columns = [moving.column(name) for name in followers]
-    jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
-    sizes = np.linalg.svd(jacobian, compute_uv=False)
-    return int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum()) == len(columns)

@@ -42,18 +42,15 @@ def _session(path: str) -> Any:
 
     # What `onnxruntime` still opens lies beside it; of the user's files only the policy's folder.
     beside = [str(file.resolve()) for file in Path(path).parent.iterdir() if file.is_symlink()]
-    confine([str(Path(path).parent), *beside, *_libraries()])
+    places = [*sys.path, "/proc", "/sys/devices/system/cpu", "/usr/lib", "/lib"]
+    libraries = [place for place in dict.fromkeys(places) if place and Path(place).exists()]
+    confine([str(Path(path).parent), *beside, *libraries])
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     onnxruntime.set_default_logger_severity(4)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-
-
-def _libraries() -> list[str]:
-    places = [*sys.path, "/proc", "/sys/devices/system/cpu", "/usr/lib", "/lib"]
-    return [place for place in dict.fromkeys(places) if place and Path(place).exists()]
 
 
 def _shape(one: Any) -> list[int]:
