@@ -57,9 +57,8 @@ class DrawSamples(Step):
     def _draws(self, tree: Tree) -> Iterator[tuple[str, Array]]:
         for name, body in tree.by_body.items():
             matter = first_match(self.randomize.links, name)
-            if matter is None or body.inertial is None or body.inertial.mass_kg <= 0.0:
-                continue
-            yield name, draw(body.inertial, matter, self._count, self.randomize.seed, name)
+            if matter is not None and body.inertial is not None and body.inertial.mass_kg > 0.0:
+                yield name, draw(body.inertial, matter, self._count, self.randomize.seed, name)
 
     def _sample(self, tree: Tree, draws: Mapping[str, Array], index: int) -> Sample:
         payloads = tuple(
