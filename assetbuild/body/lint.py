@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.engine.step import Files, Step
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.chains import made_links
 from assetbuild.robot.codec import decode
@@ -190,21 +191,18 @@ def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:
     """One finding for all such links; a warning for more than half of what is seen."""
     seen = {shape.link for shape in shapes.of("visual")}
     solid = {shape.link for shape in shapes.of("collision")}
-    heavy = [
+    drawn = [
         body.name
         for body in tree.bodies
-        if body.inertial is not None and body.inertial.mass_kg >= PLACEHOLDER_KG
+        if body.name in seen and body.inertial and body.inertial.mass_kg >= PLACEHOLDER_KG
     ]
-    bare = [name for name in heavy if name in seen - solid]
-    drawn = [name for name in heavy if name in seen]
+    bare = [name for name in drawn if name not in solid]
     if not bare:
         return
-    names = ", ".join(f"`{name}`" for name in bare[:NAMED])
-    more = f" and {len(bare) - NAMED} more" if len(bare) > NAMED else ""
     yield NO_COLLISION(
         f"link {bare[0]}",
         f"{len(bare)} of {len(drawn)} links with mass and a visual have no collision geometry in "
-        f"the source: {names}{more}",
+        f"the source: {quoted(bare, NAMED, ' and {} more')}",
         severity="warning" if 2 * len(bare) > len(drawn) > 1 else "info",
         data={"links": tuple(bare), "seen": len(drawn)},
     )

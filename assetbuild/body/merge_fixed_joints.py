@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
@@ -62,11 +63,9 @@ class MergeFixedJoints(Step):
             )
         if facts:
             merged = tuple(link for fact in facts for link in fact.links)
-            names = ", ".join(f"`{link}`" for link in merged[:6])
-            names += ", ..." if len(merged) > 6 else ""
             yield FIXED_JOINTS(
                 "robot",
-                f"links that fixed joints hold became frames ({len(merged)}: {names}); "
+                f"links that fixed joints hold became frames ({len(merged)}: {quoted(merged, 6)}); "
                 f"bodies that remain: {len(tree.bodies)}",
                 data={"bodies": len(tree.bodies), "links": merged},
             )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict
-
-from assetbuild.compose.composed_control import KeyOf, PartControl, joined, names_of, under
+from assetbuild.compose.composed_control import MountedPart, PartControl, joined, names_of, under
 from assetbuild.compose.composed_masks import meeting_masks
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
@@ -20,8 +19,8 @@ from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Body, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
 from assetbuild.robot.randomize import homogeneous_box
-from assetbuild.robot.sections import At, Mount
-from assetbuild.robot.shapes import Box, Material, MeshFile, SourceShape, SourceShapes
+from assetbuild.robot.sections import Mount
+from assetbuild.robot.shapes import Box, MeshFile, SourceShape, SourceShapes
 from assetbuild.robot.tree import depth_first
 
 PLATE = "mount_plate"
@@ -49,22 +48,6 @@ SCENERY = Rule(
 )
 
 
-class MountedPart(BaseModel):
-    """A part and its place. prefix: of all its names, and the folder of its inputs."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    prefix: str
-    at: At
-    mount: Mount | None = None
-    left_out: tuple[str, ...] = ()
-    """Keys of the part's recipe that the whole does not follow."""
-    keeps: bool = False
-    """Whether the bodies of its MJCF stay as they are."""
-    keys: tuple[KeyOf, ...] = ()
-    """Keyframes of the whole in which its source says how it stands."""
-
-
 class ComposeParts(Step):
     """`base/` and `<part>/`, each links, shapes and source map -> the same of the whole.
 
@@ -80,42 +63,29 @@ class ComposeParts(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a link that the base has not, and for names that clash."""
         robot = RobotFiles(files.inputs / "base")
-        tree, shapes = robot.links, robot.source_shapes
-        lines = _lines(files.inputs / "base")
-        parts: dict[str, PartControl] = {}
-        base = robot.source_control
+        tree, shapes, base = robot.links, robot.source_shapes, robot.source_control
+        source_map = _source_map(files.inputs / "base")
+        if base is not None and not self.keeps:
+            base = replace(base, bodies=())
+        sources = [("", base)] if base is not None else []
         for part in self.parts:
             part_robot = RobotFiles(files.inputs / part.prefix)
-            own_tree, own_shapes = part_robot.links, part_robot.source_shapes
+            own_tree, source_control = part_robot.links, part_robot.source_control
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
-            named = prefixed_shapes(own_shapes, part.prefix)
+            named = prefixed_shapes(part_robot.source_shapes, part.prefix)
             plate = _plate_shapes(part.prefix + PLATE, part.mount) if part.mount else ()
             shapes = SourceShapes(
                 (*shapes.shapes, *named.shapes, *plate), shapes.materials + named.materials
             )
-            lines["lines"] |= _prefixed_lines(files.inputs / part.prefix, part.prefix)
-            control, place = part_robot.source_control, IDENTITY
-            left_out = part.left_out
-            if control is not None:
-                words = PartControl(
-                    part.prefix,
-                    own_tree.root,
-                    control,
-                    part.keys,
-                    part.keeps,
-                    own_tree.X_world_root,
-                )
-                place = words.pose_in_root.inverse()
-                parts[part.prefix] = words
-                left_out += words.left_out(base)
-                yield from _told_scenery(words, part)
-            yield _told(part, own_tree, place)
-            yield from _told_left_out(part, left_out)
-        if base is not None and not self.keeps:
-            base = replace(base, bodies=())
-        # What the sources say as one.
-        sources = [("", base)] if base is not None else []
-        sources += [(prefix, words.prefixed()) for prefix, words in parts.items()]
+            source_map["lines"] |= _prefixed_lines(files.inputs / part.prefix, part.prefix)
+            place, left_out, scenery = IDENTITY, part.left_out, list[str]()
+            if source_control is not None:
+                control = PartControl(part, own_tree, source_control)
+                sources.append((part.prefix, control.prefixed()))
+                place = control.pose_in_root.inverse()
+                left_out += control.left_out(base)
+                scenery = control.scenery()
+            yield from _told(part, own_tree, place, left_out, scenery)
         met, findings = meeting_masks(sources)
         changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
         whole = joined(changed.pop("", None), changed)
@@ -124,31 +94,7 @@ class ComposeParts(Step):
         (files.outputs / "links.json").write_bytes(encode(tree))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         (files.outputs / "source_control.json").write_bytes(encode(whole))
-        files.write_json("source_map.json", lines)
-
-
-def _told_left_out(part: MountedPart, keys: tuple[str, ...]) -> Iterator[Finding]:
-    if keys:
-        listed = ", ".join(f"`{key}`" for key in keys)
-        yield LEFT_OUT(
-            "recipe compose",
-            f"{listed} of the part `{part.prefix}` are ignored: the base's apply",
-            hint="state in the base's recipe what the whole robot needs",
-            data={"keys": keys},
-        )
-
-
-def _told_scenery(control: PartControl, part: MountedPart) -> Iterator[Finding]:
-    names = control.scenery()
-    if names:
-        listed = ", ".join(f"`{part.prefix}{name}`" for name in names)
-        yield SCENERY(
-            "recipe compose",
-            f"cameras and lights in the world of the part `{part.prefix}` stand on its "
-            f"root now, and move with it: {listed}",
-            hint="take them out of the part's MJCF if they belong to a scene",
-            data={"count": len(names)},
-        )
+        files.write_json("source_map.json", source_map)
 
 
 def prefixed_tree(tree: Tree, prefix: str) -> Tree:
@@ -164,22 +110,17 @@ def prefixed_tree(tree: Tree, prefix: str) -> Tree:
 
 def prefixed_shapes(shapes: SourceShapes, prefix: str) -> SourceShapes:
     """The same shapes with a prefix on names, links, materials and paths of meshes."""
+
+    def shape_of(shape: SourceShape) -> SourceShape:
+        geometry = shape.geometry
+        if isinstance(geometry, MeshFile):
+            geometry = replace(geometry, path=part_path(prefix, geometry.path))
+        return replace(under(prefix, shape, "name", "link", "material"), geometry=geometry)
+
     return SourceShapes(
-        shapes=tuple(_prefixed_shape(shape, prefix) for shape in shapes.shapes),
-        materials=tuple(_prefixed_material(material, prefix) for material in shapes.materials),
+        tuple(map(shape_of, shapes.shapes)),
+        tuple(under(f"{prefix}/", under(prefix, m, "name"), "texture") for m in shapes.materials),
     )
-
-
-def _prefixed_shape(shape: SourceShape, prefix: str) -> SourceShape:
-    geometry = shape.geometry
-    if isinstance(geometry, MeshFile):
-        geometry = replace(geometry, path=part_path(prefix, geometry.path))
-    return replace(under(prefix, shape, "name", "link", "material"), geometry=geometry)
-
-
-def _prefixed_material(material: Material, prefix: str) -> Material:
-    texture = part_path(prefix, material.texture) if material.texture else None
-    return replace(under(prefix, material, "name"), texture=texture)
 
 
 def part_path(prefix: str, path: str) -> str:
@@ -232,8 +173,26 @@ def _refuse_clashes(tree: Tree, shapes: SourceShapes, source_control: SourceCont
             raise RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
 
 
-def _told(part: MountedPart, tree: Tree, X_world_root: Pose) -> Finding:
-    """X_world_root: in the part's own world, which `at` takes the place of."""
+def _told(
+    part: MountedPart,
+    tree: Tree,
+    X_world_root: Pose,
+    left_out: tuple[str, ...],
+    scenery: Sequence[str],
+) -> Iterator[Finding]:
+    """X_world_root: in the part's own world, which `at` takes the place of.
+
+    scenery: names of cameras and lights in that world.
+    """
+    if scenery:
+        listed = ", ".join(f"`{part.prefix}{name}`" for name in scenery)
+        yield SCENERY(
+            "recipe compose",
+            f"cameras and lights in the world of the part `{part.prefix}` stand on its "
+            f"root now, and move with it: {listed}",
+            hint="take them out of the part's MJCF if they belong to a scene",
+            data={"count": len(scenery)},
+        )
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     mount_kg = part.mount.mass if part.mount else 0.0
     plate = f", and {mount_kg:g} kg of mount" if mount_kg else ""
@@ -244,24 +203,31 @@ def _told(part: MountedPart, tree: Tree, X_world_root: Pose) -> Finding:
         turn = ", ".join(f"{v:.4g}" for v in X_world_root.quat)
         held += f"; in its own world its root stands at ({where}) m, turned by ({turn}) wxyz"
         hint = "`at` places the root itself: add that pose to it to place the part's world"
-    return PART(
+    yield PART(
         f"link {part.prefix}{tree.root}",
         f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.at.link}`{plate}{held}",
         hint=hint,
         data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": mount_kg},
     )
+    if left_out:
+        listed = ", ".join(f"`{key}`" for key in left_out)
+        yield LEFT_OUT(
+            "recipe compose",
+            f"{listed} of the part `{part.prefix}` are ignored: the base's apply",
+            hint="state in the base's recipe what the whole robot needs",
+            data={"keys": left_out},
+        )
 
 
 def _prefixed_lines(folder: Path, prefix: str) -> dict[str, int | str]:
-    source_map = _lines(folder)
-    file = source_map["file"]
+    own = _source_map(folder)
+    file = own["file"]
     return {
         prefixed_subject(subject, prefix): line if isinstance(line, str) else f"{file}:{line}"
-        for subject, line in source_map["lines"].items()
+        for subject, line in own["lines"].items()
         if " " in subject  # the whole is not the part
     }
 
 
-def _lines(folder: Path) -> dict[str, dict[str, int | str]]:
-    raw = json.loads((folder / "source_map.json").read_bytes())
-    return {"file": raw["file"], "lines": dict(raw["lines"])}
+def _source_map(folder: Path) -> Any:  # Any: JSON
+    return json.loads((folder / "source_map.json").read_bytes())

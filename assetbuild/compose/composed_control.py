@@ -8,16 +8,18 @@ from typing import Any, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from assetbuild.errors import RecipeError
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import parsed, root_pose
-from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor
+from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, vec3
+from assetbuild.robot.sections import At, Mount
 from assetbuild.source.mjcf.opaque import words
 from assetbuild.source.mjcf.scenery import NAMES
 
-Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass
+Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass or model
 WORLD = "world"
 REFERENCES = NAMES.keys() | {"name", "material", "objname", "refname"}
 """Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
@@ -47,17 +49,34 @@ class KeyOf:
     moved: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class PartControl:
-    """A part's words. root: its topmost link, by its own name; keeps: its bodies stay bodies."""
+class MountedPart(BaseModel):
+    """A part and its place. prefix: of all its names, and the folder of its inputs."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     prefix: str
-    root: str
-    source_control: SourceControl
-    keys: tuple[KeyOf, ...] = ()
+    at: At
+    mount: Mount | None = None
+    left_out: tuple[str, ...] = ()
+    """Keys of the part's recipe that the whole does not follow."""
     keeps: bool = False
-    X_world_root: Pose = IDENTITY
-    """Where a fixed root is held in the part's own world."""
+    """Whether the bodies of its MJCF stay as they are."""
+    keys: tuple[KeyOf, ...] = ()
+    """Keyframes of the whole in which its source says how it stands."""
+
+
+@dataclass(frozen=True)
+class PartControl:
+    """What the MJCF of a part says, in the part's own names, as its tree has them."""
+
+    part: MountedPart
+    tree: Tree
+    source_control: SourceControl
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of all its names in the whole."""
+        return self.part.prefix
 
     def prefixed(self) -> SourceControl:
         """All of it about the names in the whole; what is the base's alone is left out."""
@@ -74,9 +93,7 @@ class PartControl:
                 mjcf_only=tuple(self._items()),
                 loops=tuple(self._loop(loop) for loop in control.loops),
             ),
-            bodies=tuple(prefix + name for name in self.source_control.bodies)
-            if self.keeps
-            else (),
+            bodies=tuple(prefix + name for name in self.source_control.bodies * self.part.keeps),
             ctrl=tuple(self._commands()),
         )
 
@@ -84,11 +101,11 @@ class PartControl:
 
     def _name(self, name: str) -> str:
         """The world is the world, unless the part itself calls its root so."""
-        return name if name == WORLD and self.root != WORLD else self.prefix + name
+        return name if name == WORLD and self.tree.root != WORLD else self.prefix + name
 
     def _place(self, place: Place) -> Place:
         if place.kind == "world":
-            return Place("frame", self.prefix + WORLD) if self.root == WORLD else place
+            return Place("frame", self.prefix + WORLD) if self.tree.root == WORLD else place
         return replace(place, name=self._name(place.name))
 
     def _sensor(self, sensor: Sensor) -> Sensor:
@@ -107,7 +124,7 @@ class PartControl:
             element = parsed(item)
             owner = self.prefix + item.owner if item.owner else ""
             if item.place == "body" and not item.owner:
-                owner = self.prefix + self.root
+                owner = self.prefix + self.tree.root
                 _move(element, self.pose_in_root)
             if element.tag in ("weld", "connect"):
                 self._hold(element)
@@ -122,7 +139,7 @@ class PartControl:
         bodies = [element.get(key) for key in ("body1", "body2") if element.get(key)]
         if element.get("site1") or (len(bodies) == 2 and WORLD not in bodies):
             return
-        if self.root != WORLD:
+        if self.tree.root != WORLD:
             raise RecipeError(
                 f"<{element.tag}> `{element.get('name')}` of the part `{self.prefix}` holds "
                 f"`{bodies[0]}` to the world: on another robot it would nail that to the ground",
@@ -135,13 +152,13 @@ class PartControl:
     @property
     def pose_in_root(self) -> Pose:
         """The pose of the part's own world in its root, which may stand anywhere in it."""
-        return root_pose(self.source_control.control.mjcf_only, self.X_world_root).inverse()
+        return root_pose(self.source_control.control.mjcf_only, self.tree.X_world_root).inverse()
 
     def _camera(self, camera: Camera) -> Camera:
         """One in the part's world stands on its root now, as where it is attached in MuJoCo."""
         if camera.link is None:
             pose = self.pose_in_root @ camera.X_link_camera
-            camera = replace(camera, link=self.root, X_link_camera=pose)
+            camera = replace(camera, link=self.tree.root, X_link_camera=pose)
         return under(self.prefix, camera, "name", "link")
 
     def scenery(self) -> list[str]:
@@ -157,15 +174,10 @@ class PartControl:
         """Yield each keyframe's commands in the whole, without joints that the recipe moves."""
         joint_of = {a.name: a.joint for a in self.source_control.control.actuators if a.name}
         commands = dict(self.source_control.ctrl)
-        for key in self.keys:
-            yield (
-                key.name,
-                tuple(
-                    (self.prefix + drive, value)
-                    for drive, value in commands.get(key.source, ())
-                    if joint_of.get(drive) not in key.moved
-                ),
-            )
+        for key in self.part.keys:
+            stated = commands.get(key.source, ())
+            kept = [(self.prefix + d, v) for d, v in stated if joint_of.get(d) not in key.moved]
+            yield key.name, tuple(kept)
 
     def left_out(self, base: SourceControl | None) -> tuple[str, ...]:
         """Return the part's options that are neither the base's nor MuJoCo's defaults."""
@@ -183,6 +195,8 @@ class PartControl:
 def under(prefix: str, thing: Named, *keys: str) -> Named:
     """The same thing with a prefix on the names at some of its keys, where it has them."""
     names = {key: prefix + name for key in keys if (name := getattr(thing, key))}
+    if isinstance(thing, BaseModel):
+        return thing.model_copy(update=names)
     return replace(thing, **names)
 
 

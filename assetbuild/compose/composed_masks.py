@@ -10,9 +10,8 @@ whatever else in a world says nothing of masks. So
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from xml.etree import ElementTree
 
 from assetbuild.errors import RecipeError
@@ -37,90 +36,56 @@ MASKS = Rule(
 )
 
 
-@dataclass
-class _Side:
-    prefix: str
-    source_control: SourceControl
-    moved: int = 0
-    """How many bits became others."""
-    joined: int = 0
-    """How many bits were added."""
-
-    def masks(self) -> set[Masks]:
-        """Return the masks of all its shapes; shapes that are made anew get the common ones."""
-        control = self.source_control.control
-        masks = {
-            (c.contype, c.conaffinity) for c in (control.contact, *(c for _, c in control.contacts))
-        }
-        return masks | {_of_geom(e) for e in _geoms(control.mjcf_only)}
-
-    def change(self, function: Callable[[Masks], Masks]) -> None:
-        """Other masks for all shapes."""
-
-        def changed(contact: Contact) -> Contact:
-            contype, conaffinity = function((contact.contype, contact.conaffinity))
-            return contact.model_copy(update={"contype": contype, "conaffinity": conaffinity})
-
-        control = self.source_control.control
-        self.source_control = replace(
-            self.source_control,
-            control=replace(
-                control,
-                contact=changed(control.contact),
-                contacts=tuple((name, changed(contact)) for name, contact in control.contacts),
-                mjcf_only=tuple(_changed_item(item, function) for item in control.mjcf_only),
-            ),
-        )
-
-
 def meeting_masks(
     sources: list[tuple[str, SourceControl]],
 ) -> tuple[list[SourceControl], list[Finding]]:
     """The sources, whose masks go together now. sources: by prefix, the base's "" first."""
-    sides = [_Side(prefix, source) for prefix, source in sources]
+    # Of each source its masks, and what becomes of them.
+    sides = [{masks: masks for masks in _masks_of(source)} for _, source in sources]
+    prefixes = [prefix for prefix, _ in sources]
+    moved, joined = dict.fromkeys(prefixes, 0), dict.fromkeys(prefixes, 0)
     taken = FLOOR
-    for side in sides:
-        used = _used(side.masks())
+    for prefix, side in zip(prefixes, sides, strict=True):
+        used = _used(side)
         bits: dict[int, int] = {}
         for bit in _bits(used & taken & ~FLOOR):
-            bits[bit] = _free(taken | used | sum(bits.values()), side.prefix)
+            bits[bit] = _free(taken | used | sum(bits.values()), prefix)
         if bits:
-            side.change(partial(_moved, bits))
-            side.moved = len(bits)
-        taken |= _used(side.masks())
-    for number, side in enumerate(sides):
-        later = [other for other in sides[number + 1 :] if _misses(side, other)]
+            side.update({masks: _moved(bits, masks) for masks in side})
+        moved[prefix] = len(bits)
+        taken |= _used(side.values())
+    for number, (prefix, side) in enumerate(zip(prefixes, sides, strict=True)):
+        later = [n for n in range(number + 1, len(sides)) if _misses(side, sides[n])]
         if later:
-            bit = _free(taken, side.prefix)
+            bit = _free(taken, prefix)
             taken |= bit
-            side.change(partial(_with_bits, bit, 0))
+            _add(bit, 0, side)
             for other in later:
-                other.change(partial(_with_bits, 0, bit))
-                other.joined += 1
-    return [side.source_control for side in sides], [_told(s) for s in sides if s.moved or s.joined]
+                _add(0, bit, sides[other])
+                joined[prefixes[other]] += 1
+    made = [_with_masks(source, side) for (_, source), side in zip(sources, sides, strict=True)]
+    changed = [prefix for prefix in prefixes if moved[prefix] or joined[prefix]]
+    return made, [_told(prefix, moved[prefix], joined[prefix]) for prefix in changed]
 
 
-def _told(side: _Side) -> Finding:
+def _told(prefix: str, moved: int, joined: int) -> Finding:
+    """moved: how many bits became others; joined: how many were added."""
     what = []
-    if side.moved:
-        what.append(f"{side.moved} bits mean something else in another part: they became others")
-    if side.joined:
+    if moved:
+        what.append(f"{moved} bits mean something else in another part: they became others")
+    if joined:
         what.append("a bit was added, so that it touches the parts before it")
     return MASKS(
         "recipe compose",
-        f"contact masks of the part `{side.prefix}`: " + "; ".join(what),
+        f"contact masks of the part `{prefix}`: " + "; ".join(what),
         "which of its own shapes touch, and which touch the floor, is as before",
-        data={"moved": side.moved, "added": side.joined},
+        data={"moved": moved, "added": joined},
     )
 
 
-def _misses(a: _Side, b: _Side) -> bool:
-    return any(
-        not touch(one, other)
-        for one in a.masks()
-        for other in b.masks()
-        if _meets_floor(one) and _meets_floor(other)
-    )
+def _misses(side: Mapping[Masks, Masks], other: Mapping[Masks, Masks]) -> bool:
+    near, far = (list(filter(_meets_floor, masks.values())) for masks in (side, other))
+    return not all(touch(a, b) for a in near for b in far)
 
 
 def touch(a: Masks, b: Masks) -> bool:
@@ -132,7 +97,7 @@ def _meets_floor(masks: Masks) -> bool:
     return touch(masks, (FLOOR, FLOOR))
 
 
-def _used(masks: set[Masks]) -> int:
+def _used(masks: Iterable[Masks]) -> int:
     used = 0
     for contype, conaffinity in masks:
         used |= contype | conaffinity
@@ -158,32 +123,57 @@ def _moved(bits: Mapping[int, int], masks: Masks) -> Masks:
     return contype, conaffinity
 
 
-def _with_bits(contype: int, conaffinity: int, masks: Masks) -> Masks:
+def _add(contype: int, conaffinity: int, side: dict[Masks, Masks]) -> None:
     """More bits for what the floor touches."""
-    return (masks[0] | contype, masks[1] | conaffinity) if _meets_floor(masks) else masks
+    for before, now in side.items():
+        if _meets_floor(now):
+            side[before] = now[0] | contype, now[1] | conaffinity
 
 
-# --- geoms that only MJCF has ---------------------------------------------------------------
+# --- the shapes of a source -----------------------------------------------------------------
 
 
-def _geoms(items: tuple[MjcfOnly, ...]) -> Iterator[ElementTree.Element]:
-    for item in items:
-        if item.place == "body" and item.element.startswith("<geom"):
-            yield parsed(item)
+def _masks_of(source: SourceControl) -> set[Masks]:
+    """Return the masks of all its shapes; shapes that are made anew get the common ones."""
+    control = source.control
+    contacts = (control.contact, *(contact for _, contact in control.contacts))
+    masks = {(contact.contype, contact.conaffinity) for contact in contacts}
+    return masks | {_of_geom(parsed(item)) for item in control.mjcf_only if _is_geom(item)}
+
+
+def _with_masks(source: SourceControl, become: Mapping[Masks, Masks]) -> SourceControl:
+    """The source with other masks of all its shapes."""
+    if all(before == after for before, after in become.items()):
+        return source
+
+    def changed(contact: Contact) -> Contact:
+        contype, conaffinity = become[contact.contype, contact.conaffinity]
+        return contact.model_copy(update={"contype": contype, "conaffinity": conaffinity})
+
+    control = replace(
+        source.control,
+        contact=changed(source.control.contact),
+        contacts=tuple((name, changed(contact)) for name, contact in source.control.contacts),
+        mjcf_only=tuple(_changed_item(item, become) for item in source.control.mjcf_only),
+    )
+    return replace(source, control=control)
+
+
+def _is_geom(item: MjcfOnly) -> bool:
+    return item.place == "body" and item.element.startswith("<geom")
 
 
 def _of_geom(geom: ElementTree.Element) -> Masks:
     return int(geom.get("contype", FLOOR)), int(geom.get("conaffinity", FLOOR))
 
 
-def _changed_item(item: MjcfOnly, function: Callable[[Masks], Masks]) -> MjcfOnly:
-    if item.place != "body" or not item.element.startswith("<geom"):
+def _changed_item(item: MjcfOnly, become: Mapping[Masks, Masks]) -> MjcfOnly:
+    if not _is_geom(item):
         return item
     geom = parsed(item)
     before = _of_geom(geom)
-    after = function(before)
-    if after == before:
+    if become[before] == before:
         return item
-    for key, value in zip(("contype", "conaffinity"), after, strict=True):
+    for key, value in zip(("contype", "conaffinity"), become[before], strict=True):
         geom.set(key, str(value))
     return replace(item, element=ElementTree.tostring(geom, "unicode"))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from assetbuild.compose.composed_control import under
 from assetbuild.compose.names import HOME, Member, Row, Value, rows_of, spoken_of
 from assetbuild.geometry.jobs import file_of
 from assetbuild.recipe.loader import LoadedRecipe
@@ -251,8 +252,8 @@ def _actuators(members: Sequence[Member]) -> Iterator[Row[ActuatorRow]]:
             else:
                 taken |= set(names)
             if placed.names:
-                motor = member.prefix + row.motor if row.motor else None
-                moved = row.model_copy(update={"joints": placed.pattern, "motor": motor})
+                moved = under(member.prefix, row, "motor")
+                moved = moved.model_copy(update={"joints": placed.pattern})
                 yield replace(placed, value=moved)
 
 
@@ -300,11 +301,8 @@ def _part_pose(base: Member, part: Member, name: str) -> Iterator[Row[float]]:
 def _loops(members: Sequence[Member]) -> Iterator[Row[LoopRow]]:
     for member in members:
         for index, row in enumerate(member.recipe.loops):
-            ends = {
-                side: end.model_copy(update={"link": member.prefix + end.link})
-                for side, end in (("a", row.a), ("b", row.b))
-            }
-            moved = row.model_copy(update={"name": member.prefix + row.name, **ends})
+            ends = {side: under(member.prefix, getattr(row, side), "link") for side in ("a", "b")}
+            moved = under(member.prefix, row, "name").model_copy(update=ends)
             yield Row(moved, member.loaded, ("loops", index))
 
 
@@ -313,10 +311,8 @@ def _loops(members: Sequence[Member]) -> Iterator[Row[LoopRow]]:
 
 def _imu(members: Sequence[Member]) -> Imu | None:
     """The base's; the first part's where the base has none."""
-    for member in members:
-        if (imu := member.recipe.imu) is not None:
-            return imu.model_copy(update={"link": member.prefix + imu.link})
-    return None
+    imus = ((member.prefix, member.recipe.imu) for member in members)
+    return next((under(prefix, imu, "link") for prefix, imu in imus if imu), None)
 
 
 def _other_imus(members: Sequence[Member], whole: Imu | None) -> dict[str, Row[Sensor]]:
@@ -338,8 +334,7 @@ def _placed(
     placed: dict[str, Row[Any]] = {}
     for member in members:
         for name, entry in getattr(member.recipe, table).items():
-            moved = {key: member.prefix + at for key in places if (at := getattr(entry, key))}
-            row = Row(entry.model_copy(update=moved), member.loaded, (table, name))
+            row = Row(under(member.prefix, entry, *places), member.loaded, (table, name))
             placed.setdefault(member.prefix + name, row)
     return placed
 
@@ -352,7 +347,7 @@ def _randomize(members: Sequence[Member]) -> dict[Key, Table]:
             links += rows_of(member, ("randomize", "links"), ranges.links)
             joints += rows_of(member, ("randomize", "joints"), ranges.joints, "joints")
             for index, payload in enumerate(ranges.payloads):
-                moved = payload.model_copy(update={"link": member.prefix + payload.link})
+                moved = under(member.prefix, payload, "link")
                 payloads.append(Row(moved, member.loaded, ("randomize", "payloads", index)))
     return {
         ("randomize", "links"): _by_pattern(links),

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from assetbuild.compose.compose_parts import ComposeParts, MountedPart, part_path
-from assetbuild.compose.composed_control import KeyOf
+from assetbuild.compose.compose_parts import ComposeParts, part_path
+from assetbuild.compose.composed_control import KeyOf, MountedPart
 from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
 from assetbuild.compose.names import HOME, Member
 from assetbuild.engine.graph import Ref
@@ -58,9 +58,13 @@ def compose(
     whole = composed(members)
     names = (*whole.recipe.keyframes, *members[0].poses)
     poses = {name: pose_of(pose_rows(members, name)) for name in names}
-    inputs = _inputs("base", base)
-    for member, ready in zip(members[1:], made[1:], strict=True):
-        inputs |= _inputs(member.prefix, ready)
+    mounted = {m.prefix: ready for m, ready in zip(members[1:], made[1:], strict=True)}
+    inputs: dict[str, Ref] = {}
+    for folder, ready in {"base": base, **mounted}.items():
+        refs = {**ready.robot, "source_map.json": ready.source_map}
+        if ready.read.control is not None:
+            refs["source_control.json"] = ready.read.control
+        inputs |= {f"{folder}/{name}": ref for name, ref in refs.items()}
     step = ComposeParts(
         parts=tuple(_part_on(member, loaded.recipe, poses) for member in members[1:]),
         keeps=members[0].side.keeps,
@@ -72,7 +76,7 @@ def compose(
         base,
         read=read,
         robot={port: node[port] for port in ("links.json", "shapes.json")},
-        geometry=_geometry(base, {m.prefix: r for m, r in zip(members[1:], made[1:], strict=True)}),
+        geometry=_geometry(base, mounted),
         source_map=node["source_map.json"],
         sides=tuple(member.side for member in members),
         poses={name: pose for name, pose in poses.items() if name not in whole.recipe.keyframes},
@@ -149,13 +153,6 @@ def _check_home(members: Sequence[Member]) -> None:
             message = "the base has no keyframe `home`, in which the part could stand so"
             hint = f"add one to its keyframes; it has {', '.join(known)}"
             raise base.loaded.error((*part.row, HOME), message, hint)
-
-
-def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:
-    refs = {**ready.robot, "source_map.json": ready.source_map}
-    if ready.read.control is not None:
-        refs["source_control.json"] = ready.read.control
-    return {f"{folder}/{name}": ref for name, ref in refs.items()}
 
 
 def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]]) -> MountedPart:

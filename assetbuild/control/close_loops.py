@@ -68,17 +68,13 @@ def placed_loops(
     return tuple(placed_loop(tree, loop) for loop in loops if loop.name not in names)
 
 
-def hinged(tree: Tree) -> Tree:
-    """The tree with every ball joint as three hinges, so that positions say all of a pose."""
-    return split(tree, frozenset(joint.name for joint in tree.joints if joint.kind == "ball"))
-
-
-def positions_of(tree: Tree, pose: Keyframe) -> dict[str, float]:
-    """The position of every moving joint of the hinged tree, rad or m."""
-    positions = dict(pose.joints)
+def _hinged(tree: Tree, pose: Keyframe) -> tuple[Tree, dict[str, float]]:
+    """The tree with every ball joint as three hinges, and the position of each joint, rad or m."""
+    balls = frozenset(joint.name for joint in tree.joints if joint.kind == "ball")
+    whole, positions = split(tree, balls), dict(pose.joints)
     for name, turn in pose.turns:
         positions |= {f"{name}_{axis}": q for axis, q in zip("xyz", angles_of(turn), strict=True)}
-    return with_mimics(hinged(tree), positions)
+    return whole, with_mimics(whole, positions)
 
 
 def _posed(tree: Tree, pose: Keyframe, positions: Mapping[str, float]) -> Keyframe:
@@ -105,7 +101,7 @@ def closed_pose(
     first. Stated joints but the first of `last` may be rough: which way the loops close is said by
     rounded values. Raises RowError with the gap that is left.
     """
-    whole, start = hinged(tree), positions_of(tree, pose)
+    whole, start = _hinged(tree, pose)
     chain = joints_of(whole, loops)
     free = chain - set(stated)
     for index in range(len(last) + 1):
@@ -134,7 +130,7 @@ def _cannot_close(
                 key=_place(rows, name),
                 hint="check the frames of both ends, the lengths of the links and the axes",
             )
-    name, residual = _widest(tree, loops, solution.positions)
+    name, residual = _widest(loops, tree, solution.positions)
     return RowError(
         f"keyframes.{pose.name}: loop `{name}` stays open by {residual:.4g} m with the values that "
         "the keyframe states",
@@ -149,13 +145,13 @@ def _place(rows: Mapping[str, int], name: str) -> tuple[str | int, ...]:
     return ("loops", rows[name]) if name in rows else ("loops",)
 
 
-def _widest(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> tuple[str, float]:
+def _widest(loops: Sequence[Loop], tree: Tree, q: Mapping[str, float]) -> tuple[str, float]:
     return max(gaps(tree, loops, q).items(), key=lambda item: item[1])
 
 
 def check_start(tree: Tree, loops: Sequence[Loop], start: Keyframe) -> None:
     """RowError where a robot without keyframes would start with an open loop."""
-    name, residual = _widest(hinged(tree), loops, positions_of(tree, start))
+    name, residual = _widest(loops, *_hinged(tree, start))
     if residual >= CLOSED:
         raise RowError(
             f"loops: `{name}` is open by {residual:.4g} m where the joints are 0, and the recipe "
@@ -174,7 +170,8 @@ def check_locked(
     rows: Mapping[str, int],
 ) -> None:
     """RowError for a driven joint that the loops keep from moving."""
-    for joint in locked_joints(hinged(tree), loops, positions_of(tree, pose), driven):
+    whole, q = _hinged(tree, pose)
+    for joint in locked_joints(whole, loops, q, driven):
         name = next(loop.name for loop in loops if joint in joints_of(tree, (loop,)))
         raise RowError(
             f"loops: `{name}` locks joint `{joint}`, which is driven",
@@ -208,7 +205,7 @@ def source_findings(
 ) -> Iterator[Finding]:
     """How well the keyframes of an MJCF close its loops, and whether these lock a drive."""
     for key in keyframes:
-        name, residual = _widest(hinged(tree), loops, positions_of(tree, key))
+        name, residual = _widest(loops, *_hinged(tree, key))
         if residual >= CLOSED:
             yield OPEN(
                 "robot",
@@ -217,5 +214,6 @@ def source_findings(
                 severity="warning" if residual > VISIBLE_M else "info",
                 data={"keyframe": key.name, "loop": name, "open": residual},
             )
-    for joint in locked_joints(hinged(tree), loops, positions_of(tree, start), driven):
+    whole, q = _hinged(tree, start)
+    for joint in locked_joints(whole, loops, q, driven):
         yield LOCKED(f"joint {joint}", "the loops leave this driven joint no motion")

@@ -22,12 +22,7 @@ from assetbuild.control.close_loops import (
 )
 from assetbuild.control.findings import actuator_findings, contact_findings, row_findings
 from assetbuild.control.ground import Ground, placed_base, with_reach
-from assetbuild.control.senses import (
-    check_sensors,
-    contacts,
-    placed_cameras,
-    placed_sensors,
-)
+from assetbuild.control.senses import check_sensors, contacts, placed_cameras, placed_sensors
 from assetbuild.control.source_control import StatedControl, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, meant_pattern
@@ -263,9 +258,16 @@ def _limit_findings(
 ) -> Iterator[Finding]:
     for joint in tree.moving_joints:
         value = q[joint.name]
+        is_wide = joint.kind != "prismatic" and abs(value) > 2.0 * math.pi
         if joint.range is None:
-            if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
-                yield _turns_finding(joint.name, name, value)
+            if is_wide:  # no limit says that the number is degrees
+                turns = abs(value) / (2.0 * math.pi)
+                yield KEYFRAME_TURNS(
+                    f"joint {joint.name}",
+                    f"keyframe `{name}`: {value:g} rad are {turns:.1f} turns",
+                    f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
+                    data={"keyframe": name, "value": value},
+                )
             continue
         lower, upper = joint.range
         if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
@@ -277,7 +279,7 @@ def _limit_findings(
             hint = "the loops ask for it: state other values of the driven joints"
         elif any(re.fullmatch(pattern, joint.name) for pattern in keyframe.joints):
             hint = "choose a value inside the limits"
-            if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
+            if is_wide:
                 hint += f"; angles are in radians: {value:g} degrees are {math.radians(value):.4g}"
         else:
             hint = "no pattern of the keyframe matches it, so it is 0"
@@ -287,16 +289,6 @@ def _limit_findings(
             hint=hint,
             data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
         )
-
-
-def _turns_finding(joint: str, name: str, value: float) -> Finding:
-    """No limit says that the number is degrees."""
-    return KEYFRAME_TURNS(
-        f"joint {joint}",
-        f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
-        hint=f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
-        data={"keyframe": name, "value": value},
-    )
 
 
 # --- excludes -------------------------------------------------------------------------------
@@ -346,7 +338,6 @@ def _same_body_findings(tree: model.Tree, exclude: Exclude) -> Iterator[Finding]
                 f"link {pair[0]}",
                 f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
                 f"fixed joints merged both into `{body}`",
-                hint="remove the pair",
                 data={"other": pair[1], "body": body},
             )
 

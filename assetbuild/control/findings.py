@@ -46,64 +46,53 @@ GUESSED = Rule(
 def row_findings(
     rows: tuple[ActuatorRow, ...], tree: Tree, actuators: tuple[Actuator, ...]
 ) -> Iterator[Finding]:
-    """`actuator.tuned`, `actuator.overrides` and `actuator.guessed`, for each row of the table."""
-    yield from _guessed_findings(rows, actuators)
-    yield from _tuned_findings(rows, actuators)
-    yield from _override_findings(rows, tree, actuators)
-
-
-def _guessed_findings(
-    rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
-) -> Iterator[Finding]:
-    """One for the table, at its first such row."""
+    """`actuator.guessed` of the table, at its first such row; what else is said of each row."""
+    driven_by = [[a for a in actuators if re.fullmatch(row.joints, a.joint)] for row in rows]
     guessed = [index for index, row in enumerate(rows) if row.guessed]
-    mine = [a for a in actuators if any(re.fullmatch(rows[i].joints, a.joint) for i in guessed)]
-    if mine:
-        names = ", ".join(f"`{a.joint}`" for a in mine[:6]) + (", ..." if len(mine) > 6 else "")
+    guesses = [a for a in actuators if any(a in driven_by[index] for index in guessed)]
+    if guesses:
+        names = tuple(a.joint for a in guesses)
         yield GUESSED(
             f"recipe actuators.{guessed[0]}",
-            f"the drives of {len(mine)} joint{'s' if len(mine) > 1 else ''} are guesses"
-            f", effort {_span([a.effort for a in mine])}: {names}",
+            f"the drives of {len(names)} joint{'s' if len(names) > 1 else ''} are guesses"
+            f", effort {_span([a.effort for a in guesses])}: {quoted(names, 6)}",
             hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
-            data={"joints": tuple(a.joint for a in mine)},
+            data={"joints": names},
         )
+    for index, (row, mine) in enumerate(zip(rows, driven_by, strict=True)):
+        yield from _tuned(f"recipe actuators.{index}", row, mine)
+        if not row.guessed:
+            yield from _overridden(f"recipe actuators.{index}", row, mine, tree)
 
 
-def _tuned_findings(
-    rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
-) -> Iterator[Finding]:
-    """One per row whose gains come from a frequency or damping ratio: the numbers it led to."""
-    for index, row in enumerate(rows):
-        if row.frequency is None and row.damping_ratio is None:
-            continue
-        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
-        kp, kd = [a.kp for a in mine], [a.kd for a in mine]
+def _tuned(subject: str, row: ActuatorRow, actuators: list[Actuator]) -> Iterator[Finding]:
+    """The numbers that a frequency or damping ratio led to."""
+    if row.frequency is not None or row.damping_ratio is not None:
+        kp, kd = [a.kp for a in actuators], [a.kd for a in actuators]
         moved = "the armature alone" if row.inertia == "armature" else "what moves at `home`"
         yield TUNED(
-            f"recipe actuators.{index}",
+            subject,
             f"`{row.joints}`: kp {min(kp):.4g} to {max(kp):.4g}, kd {min(kd):.4g} to "
             f"{max(kd):.4g} from frequency and damping ratio on {moved}",
             data={"kp_min": min(kp), "kp_max": max(kp), "kd_min": min(kd), "kd_max": max(kd)},
         )
 
 
-def _override_findings(
-    rows: tuple[ActuatorRow, ...], tree: Tree, actuators: tuple[Actuator, ...]
+def _overridden(
+    subject: str, row: ActuatorRow, actuators: list[Actuator], tree: Tree
 ) -> Iterator[Finding]:
-    """One per row and quantity that the source states otherwise, its limits of 0 left out."""
-    for index, row in enumerate(rows):
-        mine = [a for a in actuators if not row.guessed and re.fullmatch(row.joints, a.joint)]
-        for name in ("damping", "friction", "effort", "velocity"):
-            pairs = [(_of_source(tree.by_joint[a.joint], name), getattr(a, name)) for a in mine]
-            other = [(was, now) for was, now in pairs if was is not None and was != now]
-            if other:
-                source, recipe = ([pair[i] for pair in other] for i in (0, 1))
-                yield OVERRIDES(
-                    f"recipe actuators.{index}",
-                    f"`{row.joints}`: {name} {_span(recipe)} in place of the source's "
-                    f"{_span(source)} ({len(other)} joints)",
-                    data={"own": _span(recipe), "source": _span(source), "joints": len(other)},
-                )
+    """One per quantity that the source states otherwise, its limits of 0 left out."""
+    for name in ("damping", "friction", "effort", "velocity"):
+        pairs = [(_of_source(tree.by_joint[a.joint], name), getattr(a, name)) for a in actuators]
+        other = [(was, now) for was, now in pairs if was is not None and was != now]
+        if other:
+            source, recipe = (_span([pair[i] for pair in other]) for i in (0, 1))
+            yield OVERRIDES(
+                subject,
+                f"`{row.joints}`: {name} {recipe} in place of the source's {source} "
+                f"({len(other)} joints)",
+                data={"own": recipe, "source": source, "joints": len(other)},
+            )
 
 
 def _of_source(joint: Joint, name: str) -> float | None:
@@ -137,31 +126,20 @@ def actuator_findings(tree: Tree, control: Control, *, has_table: bool) -> Itera
     elif actuators and all(a.model == "passive" for a in actuators):
         moving = sum(not tree.by_joint[a.joint].is_locked for a in actuators)
         only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
-        yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
-
-
-def _nothing_drives(joints: int, *, has_table: bool, only_mjcf: int) -> Iterator[Finding]:
-    data = {"joints": joints}
-    if only_mjcf and has_table:
-        return
-    if only_mjcf:
-        yield NO_ACTUATOR(
-            "recipe actuators",
-            f"no actuator table: the source's drives ({only_mjcf}) exist in the MJCF alone, in all "
-            f"other formats the {joints} moving joints are passive",
-            hint="add `actuators:` to the recipe",
-            data=data | {"in_mjcf": only_mjcf},
-            blocks=False,
-        )
-    elif has_table:
-        message = f"all {joints} moving joints are passive: nothing drives the robot"
-        hint = "give the rows of `actuators:` an `effort` and gains" + ON_PURPOSE
-        yield NO_ACTUATOR("recipe actuators", message, hint, data=data)
-    else:
-        message = f"no actuator table: all {joints} moving joints are passive"
-        yield NO_ACTUATOR(
-            "recipe actuators", message, "add `actuators:` to the recipe" + ON_PURPOSE, data=data
-        )
+        if only_mjcf and has_table:
+            return
+        passive = f"all {moving} moving joints are passive"
+        message, hint = f"no actuator table: {passive}", "add `actuators:` to the recipe"
+        data = {"joints": moving}
+        if only_mjcf:
+            data["in_mjcf"] = only_mjcf
+            message = f"no actuator table: the source's drives ({only_mjcf}) exist in the MJCF "
+            message += f"alone, in all other formats the {moving} moving joints are passive"
+        elif has_table:
+            message = f"{passive}: nothing drives the robot"
+            hint = "give the rows of `actuators:` an `effort` and gains"
+        hint += "" if only_mjcf else ON_PURPOSE
+        yield NO_ACTUATOR("recipe actuators", message, hint, data=data, blocks=not only_mjcf)
 
 
 SLIDING = (0.2, 3.0)

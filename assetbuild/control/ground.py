@@ -19,7 +19,7 @@ from assetbuild.robot.floor import BELOW_M, brings_floor, floor_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import Array, Pose, Quat
 from assetbuild.robot.sections import Keyframe
-from assetbuild.robot.shapes import Geometry, Mesh, Shapes
+from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.robot.tree import forward_kinematics
 
 STANDS_M = 0.01
@@ -66,7 +66,11 @@ class Ground:
         for shape in self._shapes:
             body, X_body_link = self._tree.placement(shape.link)
             X_root_shape = X_root_body[body] @ X_body_link @ shape.X_link_shape
-            bottom = self._bottom(shape.geometry, X_world_root @ X_root_shape)
+            X_world_shape, geometry = X_world_root @ X_root_shape, shape.geometry
+            if isinstance(geometry, Mesh):
+                bottom = float(X_world_shape.apply(self._mesh(geometry.mesh))[:, 2].min())
+            else:
+                bottom = X_world_shape.xyz[2] - half_height(geometry, X_world_shape.rotation[2])
             bottoms[body] = min(bottom, bottoms.get(body, bottom))
         return bottoms
 
@@ -77,12 +81,6 @@ class Ground:
         bottoms = self.lowest_of_bodies({}, self._tree.X_world_root)
         bottom = min((z for body, z in bottoms.items() if body not in moved), default=math.inf)
         return abs(bottom) <= STANDS_M
-
-    def _bottom(self, geometry: Geometry, X_world_shape: Pose) -> float:
-        if isinstance(geometry, Mesh):
-            points = self._mesh(geometry.mesh)
-            return float(X_world_shape.apply(points)[:, 2].min())
-        return X_world_shape.xyz[2] - half_height(geometry, X_world_shape.rotation[2])
 
     def _mesh(self, name: str) -> Array:
         if name not in self._vertices:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -15,16 +15,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import by_constraint, joints_of
 from assetbuild.robot.mimic import leading
-from assetbuild.robot.model import (
-    Actuator,
-    Contact,
-    Control,
-    Joint,
-    Loop,
-    LoopMimic,
-    Mimic,
-    Tree,
-)
+from assetbuild.robot.model import Actuator, Contact, Control, Joint, Loop, LoopMimic, Mimic, Tree
 
 
 class KeepPose(Step):
@@ -53,6 +44,7 @@ def _masks(contact: Contact) -> Contact:
     return Contact(contype=contact.contype, conaffinity=contact.conaffinity)
 
 
+RATINGS = ("damping", "friction", "effort", "velocity")
 LOOP_MIMIC = Rule(
     "loop.mimic",
     "error",
@@ -71,21 +63,15 @@ class KeepRatings(Step):
     outputs = ("ratings.json",)
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Effort, velocity, damping and friction are kept."""
-        control = RobotFiles(files.inputs).control
+        """Only `RATINGS` of the actuators are kept."""
+        robot = RobotFiles(files.inputs)
+        control = robot.control
         mimics: tuple[LoopMimic, ...] = ()
         refused: dict[str, str] = {}
         if any(loop.urdf == "mimic" for loop in control.loops):
-            mimics, refused = loop_mimics(RobotFiles(files.inputs).tree, control)
+            mimics, refused = loop_mimics(robot.tree, control)
         ratings = (
-            Actuator(
-                joint=row.joint,
-                model="passive",
-                damping=row.damping,
-                friction=row.friction,
-                effort=row.effort,
-                velocity=row.velocity,
-            )
+            Actuator(row.joint, "passive", **{key: getattr(row, key) for key in RATINGS})
             for row in control.actuators
         )
         kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)
@@ -126,7 +112,11 @@ def _of_loop(
     (leader,) = leaders
     followers = [j.name for j in path if j.mimic is None and j.name != leader]
     home = dict(initial_pose(tree, control).joints)
-    if not _are_led(tree, loops, home, followers):
+    moving = motions(tree, home)
+    columns = [moving.column(name) for name in followers]
+    jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    if int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum()) < len(columns):
         return "its other joints can move while the driven one stands still"
     everywhere = joints_of(tree, control.loops)
     poses = list(poses_along(tree, control, home, tree.by_joint[leader], everywhere - driven))
@@ -141,14 +131,3 @@ def _of_loop(
         off = float(np.abs(start + slope * q - asked).max())
         made.append(LoopMimic(name, follower, Mimic(leader, slope, start), off, ends))
     return made
-
-
-def _are_led(
-    tree: Tree, loops: Sequence[Loop], home: Mapping[str, float], followers: Collection[str]
-) -> bool:
-    """Whether the loops hold these joints where all others stand still."""
-    moving = motions(tree, home)
-    columns = [moving.column(name) for name in followers]
-    jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
-    sizes = np.linalg.svd(jacobian, compute_uv=False)
-    return int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum()) == len(columns)

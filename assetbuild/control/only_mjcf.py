@@ -118,19 +118,15 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             continue
         element = parsed(item)
         yield from _uneven(item)
-        covered = (
-            *EFFORT_WORDS.get(item.place, ()),
-            *(SPRING_WORDS if item.place == "joint" else ()),
-        )
-        for name in covered:
-            element.attrib.pop(name, None)  # the robot's effort limit holds it, or `SPRING` says it
-        for name in [name for name, value in element.attrib.items() if not value]:
-            element.attrib.pop(name)  # what the source leaves to MuJoCo
-        if not element.attrib and (covered or item.place == "camera"):
+        # The robot's effort limit holds it, or `SPRING` says it; an empty one is left to MuJoCo.
+        springs_too = SPRING_WORDS if item.place == "joint" else ()
+        covered = {*EFFORT_WORDS.get(item.place, ()), *springs_too}
+        stated = [key for key, value in element.attrib.items() if value and key not in covered]
+        if not stated and (covered or item.place == "camera"):
             continue
         summary = f"<{element.tag}>"
         if item.place in _BY_ATTRIBUTES:
-            summary = ", ".join(f"`{key}`" for key in element.attrib)
+            summary = ", ".join(f"`{key}`" for key in stated)
         groups.setdefault((item.place, summary), []).append(item.owner or element.get("name", ""))
     lines = []
     for (place, summary), owners in groups.items():
@@ -152,7 +148,6 @@ def _own_drive(item: MjcfOnly) -> Finding:
         f"joint {item.owner}",
         f"`{name}` {why or 'scales its command'}: the MJCF keeps it, in all other formats it is "
         "the drive of this joint, which moves alike",
-        "outside of the MJCF command a position or a speed of the joint",
         data={"actuator": name, "tendon": tendon},
     )
 

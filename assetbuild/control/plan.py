@@ -44,20 +44,13 @@ def control_step(
     common_surfaces: tuple[str, ...] = (),
 ) -> ControlStep:
     """The step with what the recipe says; sides, poses, common_surfaces: of a composite."""
+    keys = ControlStep.model_fields.keys() & Recipe.model_fields.keys()
     return ControlStep(
+        **{key: getattr(recipe, key) for key in keys},
         rows=recipe.actuators,
-        motors=recipe.motors,
-        keyframes=dict(recipe.keyframes),
-        contact=recipe.contact,
-        simulation=recipe.simulation,
         limit_error=recipe.limits,
         coupling_error=recipe.couplings,
         exclude=recipe.collision.exclude,
-        feet=recipe.feet,
-        imu=recipe.imu,
-        sensors=dict(recipe.sensors),
-        cameras=dict(recipe.cameras),
-        loops=recipe.loops,
         sides=sides or (own_side(recipe),),
         poses={name: dict(pose) for name, pose in (poses or {}).items()},
         common_surfaces=common_surfaces,

@@ -98,16 +98,10 @@ def soles(shapes: Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
 
 def _named_sensors(tree: model.Tree, sensors: Mapping[str, Sensor]) -> Iterator[model.Sensor]:
     for name, sensor in sensors.items():
-        yield model.Sensor(
-            name,
-            sensor.kind,
-            _place(tree, name, sensor),
-            _frame(tree, sensor.relative_to, ("sensors", name, "relative_to"))
-            if sensor.relative_to
-            else None,
-            sensor.cutoff,
-            sensor.noise,
-        )
+        at, relative_to = _place(tree, name, sensor), None
+        if sensor.relative_to:
+            relative_to = _frame(tree, sensor.relative_to, ("sensors", name, "relative_to"))
+        yield model.Sensor(name, sensor.kind, at, relative_to, sensor.cutoff, sensor.noise)
 
 
 def _place(tree: model.Tree, name: str, sensor: Sensor) -> model.Place:
@@ -145,14 +139,6 @@ def placed_cameras(tree: model.Tree, cameras: Mapping[str, Camera]) -> tuple[mod
         if camera.optical:
             # An optical frame looks along +z with y down: half a turn about x.
             quat = quat_multiply(quat, _ABOUT_X)
-        made.append(
-            model.Camera(
-                name,
-                camera.link,
-                Pose(camera.xyz, quat),
-                camera.fovy,
-                camera.resolution,
-                camera.tracking,
-            )
-        )
+        pose, view = Pose(camera.xyz, quat), (camera.fovy, camera.resolution, camera.tracking)
+        made.append(model.Camera(name, camera.link, pose, *view))
     return tuple(made)

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from assetbuild.control.only_mjcf import commands_of, explain_gears, explain_opaque, wider_excludes
 from assetbuild.control.senses import changed
+from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.chains import ROWS, angles_of
@@ -123,8 +124,7 @@ def _actuators(
 
     A joint's effort limit is that of its drive as it was read; it differs where an edit sets it.
     """
-    rows = stated.rows
-    silent = [row.joints for row in rows if row.armature is None and row.motor is None]
+    stating = [r.joints for r in stated.rows if r.armature is not None or r.motor is not None]
 
     def chosen(actuator: Actuator) -> Actuator:
         name = actuator.joint
@@ -133,9 +133,7 @@ def _actuators(
             kept = before or Actuator(name, "passive")
             effort = tree.by_joint[name].limits.effort
             return replace(kept, effort=effort) if effort else kept
-        mute = any(re.fullmatch(pattern, name) for pattern in silent)
-        unmatched = not any(re.fullmatch(row.joints, name) for row in rows)
-        if before is None or not (mute or unmatched):
+        if before is None or any(re.fullmatch(pattern, name) for pattern in stating):
             return actuator
         return replace(actuator, armature=before.armature)
 
@@ -220,11 +218,10 @@ def _contacts(
     for prefix, names in anew.items():
         of_side = {c for n, c in by_shape.items() if side_of(stated.sides, n).prefix == prefix}
         if len(of_side) > 1:
-            shown = ", ".join(f"`{name}`" for name in names[:6]) + ", ..." * (len(names) > 6)
             finding = NEW_SURFACE(
                 "recipe collision",
-                f"{len(names)} collision shapes are not the source's: {shown}; they have the "
-                "surface that most shapes of the source have",
+                f"{len(names)} collision shapes are not the source's: {quoted(names, 6)}; they "
+                "have the surface that most shapes of the source have",
                 "use `method: keep` to keep the source's shapes with their own surfaces",
                 data={"shapes": len(names)},
             )
@@ -255,11 +252,16 @@ def _kept(
         if item.place == "drive" and stated.replaces(item.owner):
             continue
         if item.place == "sensor" and _attribute(item, "actuator") in replaced:
-            findings.append(_sensor_of_drive(item))
+            message = f"a sensor of a drive that the recipe replaced was left out: {item.element}"
+            hint = "name a sensor of the joint under `sensors:`"
+            findings.append(dropped("sensor", "recipe actuators", message, hint, "warning"))
             continue
         if item.place == "shape":
+            piece = re.escape(item.owner) + r"_\d+"  # `trunk_2` of `trunk`
             pieces = [
-                n for n in shown if _is_piece(n, item.owner) and (n == item.owner or n not in named)
+                name
+                for name in shown
+                if name == item.owner or (name not in named and re.fullmatch(piece, name))
             ]
             yield from (replace(item, owner=name) for name in pieces)
             gone += [] if pieces else [item.owner]
@@ -268,7 +270,10 @@ def _kept(
         elif item.place == "option":
             yield _unsaid(item, stated.base.stated)
         elif item.place == "joint" and item.owner not in bodies.joints:
-            findings.append(_of_split_joint(item))
+            message = "an edit replaced the joint: what its MJCF says of it was left out: "
+            hint = "state damping, friction and armature of the new joints in `actuators`"
+            where = f"joint {item.owner}"
+            findings.append(dropped("joint", where, message + item.element, hint, "warning"))
         elif bodies.keeps(item):
             yield item
         elif item.place == "camera":
@@ -306,29 +311,11 @@ def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     return without(item, keys)
 
 
-def _sensor_of_drive(item: MjcfOnly) -> Finding:
-    message = f"a sensor of a drive that the recipe replaced was left out: {item.element}"
-    hint = "name a sensor of the joint under `sensors:`"
-    return dropped("sensor", "recipe actuators", message, hint, "warning")
-
-
-def _of_split_joint(item: MjcfOnly) -> Finding:
-    message = "an edit replaced the joint: what its MJCF says of it was left out: "
-    hint = "state damping, friction and armature of the new joints in `actuators`"
-    return dropped("joint", f"joint {item.owner}", message + item.element, hint, "warning")
-
-
-def _is_piece(name: str, source: str) -> bool:
-    """Whether a shape is one of the source or a piece of it: `trunk`, `trunk_2`."""
-    return name == source or re.fullmatch(re.escape(source) + r"_\d+", name) is not None
-
-
 class _Bodies:
     """Which bodies of the source are still bodies."""
 
     def __init__(self, tree: Tree, findings: list[Finding]) -> None:
         self._tree, self._findings, self.joints = tree, findings, tree.by_joint
-        self._frames = {frame.name for frame in tree.frames}
 
     def pairs(self, pairs: tuple[tuple[str, str], ...]) -> Iterator[tuple[str, str]]:
         """Excluded pairs, between the bodies that their links became part of."""

@@ -10,13 +10,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Edited, LinkEdit
-from assetbuild.robot.inertia import (
-    Tensor,
-    matrix_of,
-    principal_moments,
-    tensor_of,
-    triangle_violation,
-)
+from assetbuild.robot.inertia import matrix_of, principal_moments, tensor_of, triangle_violation
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
 
@@ -61,7 +55,8 @@ class BalanceInertia(LinkEdit):
                 hint="use `set_inertia` or `inertia_from_geometry`",
             )
         raised = c - b + ROOM * c
-        after = _raised(before, raised - a)
+        _, axes = np.linalg.eigh(matrix_of(before))
+        after = tensor_of(matrix_of(before) + (raised - a) * np.outer(axes[:, 0], axes[:, 0]))
         finding = BALANCE_INERTIA(
             f"link {body.name}",
             f"smallest principal moment {a:.6g} -> {raised:.6g} kg m2, the others "
@@ -74,9 +69,3 @@ class BalanceInertia(LinkEdit):
             },
         )
         return Inertial(old.mass_kg, old.com_m, after), finding
-
-
-def _raised(tensor: Tensor, step: float) -> Tensor:
-    """The tensor with its smallest principal moment raised by `step`, kg m2."""
-    _, axes = np.linalg.eigh(matrix_of(tensor))
-    return tensor_of(matrix_of(tensor) + step * np.outer(axes[:, 0], axes[:, 0]))

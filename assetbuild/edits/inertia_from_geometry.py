@@ -75,7 +75,6 @@ class InertiaFromGeometry(MassEdit):
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
-
         folder_of = {
             shape.name: files.inputs / "mesh" / str(index)
             for index, shape in enumerate(self.meshes(shapes))
@@ -92,7 +91,19 @@ class InertiaFromGeometry(MassEdit):
             volume = math.fsum(part.mass_kg for part in parts)
             density = self.density if self.density is not None else (self.mass or 0.0) / volume
             after = combine([_times(part, density) for part in parts])
-            return after, self._finding(body, after, volume, density, len(link_shapes))
+            before = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+            several = f" of {len(parts)} shapes, overlaps counted twice" if len(parts) > 1 else ""
+            return after, INERTIA_FROM_GEOMETRY(
+                f"link {body.name}",
+                f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {volume:.6g} m3"
+                f"{several} at {density:.6g} kg/m3",
+                data={
+                    **mass_data(before, after),
+                    "volume_m3": volume,
+                    "density_kg_m3": density,
+                    "stated": ("inertia", "mass"),
+                },
+            )
 
         tree, findings = edit_inertials(tree, self.link, change)
         return Edited(tree, shapes, findings)
@@ -128,23 +139,6 @@ class InertiaFromGeometry(MassEdit):
         if volume <= 0.0:
             raise RecipeError(f"inertia_from_geometry: the mesh of `{shape.name}` has no volume")
         return Inertial(volume, vec3(centre), tensor_of(inertia))
-
-    def _finding(
-        self, body: Body, after: Inertial, volume: float, density: float, count: int
-    ) -> Finding:
-        before = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-        several = f" of {count} shapes, overlaps counted twice" if count > 1 else ""
-        return INERTIA_FROM_GEOMETRY(
-            f"link {body.name}",
-            f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {volume:.6g} m3"
-            f"{several} at {density:.6g} kg/m3",
-            data={
-                **mass_data(before, after),
-                "volume_m3": volume,
-                "density_kg_m3": density,
-                "stated": ("inertia", "mass"),
-            },
-        )
 
 
 def of_primitive(geometry: SourceGeometry) -> Inertial:

@@ -15,7 +15,7 @@ from assetbuild.plugin_types import Edit, Edited
 from assetbuild.recipe_types import Pattern, Positive
 from assetbuild.robot.chains import Chain, find_chains, is_massless, rigid_with
 from assetbuild.robot.inertia import mass_data, principal_moments, pseudo_inertia
-from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
 
 SHARE = 1e-9
@@ -80,7 +80,12 @@ def _shared(
             for name in rigid_with(tree, solid)
         }
         solid = max(masses, key=lambda name: masses[name])
-    rest = _inertial(tree.by_body[solid])
+    rest = tree.by_body[solid].inertial
+    if rest is None or np.linalg.eigvalsh(pseudo_inertia(rest))[0] <= 0.0:
+        raise RecipeError(
+            f"share_mass: the mass properties of link `{solid}` are not those of a solid body",
+            hint="repair them first, by an edit above this one",
+        )
     least = principal_moments(rest.inertia_com_kg_m2)[0]
     moment = stated or max(SHARE * least, LEAST)
     mass = moment / least * rest.mass_kg
@@ -105,13 +110,3 @@ def _shared(
         data={**mass_data(rest, after), "links": tuple(links)},
     )
     return {**dict.fromkeys(links, made), solid: after}, finding
-
-
-def _inertial(body: Body) -> Inertial:
-    inertial = body.inertial
-    if inertial is None or np.linalg.eigvalsh(pseudo_inertia(inertial))[0] <= 0.0:
-        raise RecipeError(
-            f"share_mass: the mass properties of link `{body.name}` are not those of a solid body",
-            hint="repair them first, by an edit above this one",
-        )
-    return inertial

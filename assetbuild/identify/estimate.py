@@ -240,8 +240,8 @@ def _newton(
     No parameter goes further than `FURTHEST`; the others then take what is best beside it.
     """
     residual = ((problem.measured - simulated) / sigma).reshape(-1)
-    weighted = (jacobian / sigma).reshape(len(theta), -1)
-    information, gradient = weighted @ weighted.T, weighted @ residual
+    information = _information(jacobian, sigma)
+    gradient = (jacobian / sigma).reshape(len(theta), -1) @ residual
     whole = information + np.diag(1.0 / _scale(problem, theta) ** 2)
     furthest = np.maximum(np.abs(theta), FURTHEST * np.abs(problem.steps))
     least = np.maximum(problem.lower - theta, -furthest)
@@ -291,26 +291,14 @@ def _judged(
     error = np.sqrt(np.maximum(np.diag(robust), np.diag(covariance)))
     half = stats.t.ppf(0.975, max(1, count - 1)) * error
     influence = np.einsum("pq,qnc->pnc", covariance, jacobian / sigma)
-    lacking = np.sqrt(np.sum(influence**2, axis=1) @ _above_noise(problem, sigma))
+    # (C,) weighted squares of the residuals that the noise does not explain.
+    unexplained = np.maximum(1.0 - (NOISE_MARGIN * problem.noise / sigma) ** 2, 0.0)
+    lacking = np.sqrt(np.sum(influence**2, axis=1) @ (len(problem.measured) * unexplained))
     lacking *= 2.0 / np.sqrt(DIRECTIONS)
+    low, high = theta - half, theta + half
     return Estimate(
-        theta,
-        theta - half,
-        theta + half,
-        correlation,
-        condition,
-        sigma,
-        simulated,
-        jacobian,
-        covariance,
-        lacking,
+        theta, low, high, correlation, condition, sigma, simulated, jacobian, covariance, lacking
     )
-
-
-def _above_noise(problem: Problem, sigma: Array) -> Array:
-    """(C,) weighted squares of the residuals that the noise does not explain."""
-    above = np.maximum(1.0 - (NOISE_MARGIN * problem.noise / sigma) ** 2, 0.0)
-    return np.asarray(len(problem.measured) * above)
 
 
 def _scores(problem: Problem, jacobian: Array, simulated: Array, sigma: Array) -> Array:

@@ -87,7 +87,10 @@ class Excite(Step):
         ranges = [_range(robot.tree.by_joint[name], dict(start.joints)) for name in self.joints]
         touch = Touch(files.inputs / "mjcf" / self.file, plant)
         scale, record = self._clear(robot.tree, plant, drives, ranges, touch)
-        self._write(files, record.target)
+        rows = np.column_stack([np.arange(len(record.target)) / self.rate_hz, record.target])
+        head = ",".join(["time", *(f"target_{name}" for name in self.joints)])
+        formats = ["%.4f", *["%.5f"] * len(self.joints)]
+        np.savetxt(files.outputs / "excite.csv", rows, formats, ",", header=head, comments="")
         expected = list(self._expected(plant, drives, record))
         text = json.dumps(expected, indent=1)
         (files.outputs / "expected.json").write_text(text + "\n", encoding="utf-8")
@@ -111,15 +114,12 @@ class Excite(Step):
         """(J,) factors of the amplitudes, and the record of a simulated robot without noise."""
         scale = np.ones(len(self.joints))
         for _ in range(TRIES):
-            target = np.stack(
-                [
-                    self._command(tree.by_joint[name], middle, reach * s, j)
-                    for j, (name, (middle, reach), s) in enumerate(
-                        zip(self.joints, ranges, scale, strict=True)
-                    )
-                ],
-                axis=1,
-            )
+            rows = zip(self.joints, ranges, scale, strict=True)
+            commands = [
+                self._command(tree.by_joint[name], middle, reach * s, j)
+                for j, (name, (middle, reach), s) in enumerate(rows)
+            ]
+            target = np.stack(commands, axis=1)
             blank = Record(1.0 / self.rate_hz, target, target)
             position = plant.simulate(blank, [drives])[0][0]
             every = max(1, round(self.rate_hz / LOOKS_HZ))
@@ -147,14 +147,6 @@ class Excite(Step):
         ramp = np.clip(np.minimum(t, t[-1] - t) / RAMP_S, 0.0, 1.0)
         command: Array = middle + ramp * moves
         return command
-
-    def _write(self, files: Files, target: Array) -> None:
-        head = ",".join(["time", *(f"target_{name}" for name in self.joints)])
-        rows = [
-            ",".join([f"{n / self.rate_hz:.4f}", *(f"{value:.5f}" for value in row)])
-            for n, row in enumerate(target)
-        ]
-        (files.outputs / "excite.csv").write_text("\n".join([head, *rows, ""]), encoding="utf-8")
 
     def _expected(
         self, plant: Plant, drives: Sequence[Drive], record: Record

@@ -19,14 +19,7 @@ from assetbuild.identify.record import Drive, Record, smooth
 from assetbuild.identify.solve import LACKS, Solution, Unknown, solve
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.identify import (
-    UNITS,
-    Fit,
-    LogUsed,
-    Parameter,
-    Prediction,
-    Related,
-)
+from assetbuild.robot.identify import UNITS, Fit, LogUsed, Parameter, Prediction, Related
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import Array
 
@@ -93,8 +86,8 @@ class FitLogs(Step):
             for record in read_records(files.inputs / "records" / f"{number}.npz")
         ]
         cut = [int(len(record.position) * (1.0 - self.hold_out)) for record in whole]
-        fitted = [record.until(n) for record, n in zip(whole, cut, strict=True)]
-        unknowns = self._unknowns(tree, priors)
+        fitted = [record[:n] for record, n in zip(whole, cut, strict=True)]
+        unknowns = self._unknowns(priors)
         solution = solve(
             plant, fitted, priors, unknowns, self.max_relative_interval, self.effective
         )
@@ -111,7 +104,7 @@ class FitLogs(Step):
         (files.outputs / "fit.json").write_bytes(encode(fit))
         yield from _findings(fit)
 
-    def _unknowns(self, tree: Tree, priors: Sequence[Drive]) -> list[Unknown]:
+    def _unknowns(self, priors: Sequence[Drive]) -> list[Unknown]:
         """Those of shared joints once; a delay is common to the joints that ask for one."""
         wanted = dict(self.fit)
         unknowns, taken = [], set()
@@ -130,15 +123,7 @@ class FitLogs(Step):
         return unknowns
 
     def _parameters(self, tree: Tree, solution: Solution) -> Iterator[Parameter]:
-        rows = zip(
-            solution.unknowns,
-            solution.estimate.theta,
-            solution.low,
-            solution.high,
-            solution.refused,
-            strict=True,
-        )
-        for unknown, value, low, high, why in rows:
+        for i, unknown in enumerate(solution.unknowns):
             if not unknown.wanted:
                 continue
             names = tuple(self.joints[j] for j in unknown.joints)
@@ -147,11 +132,11 @@ class FitLogs(Step):
             yield Parameter(
                 name=unknown.name,
                 joints=names,
-                value=short(value),
-                low=short(max(low, 0.0)),
-                high=short(high),
+                value=short(solution.estimate.theta[i]),
+                low=short(max(solution.low[i], 0.0)),
+                high=short(solution.high[i]),
                 prior=unknown.prior if has_prior else None,
-                refused=why,
+                refused=solution.refused[i],
                 unit=UNITS[unknown.name][int(slides)],
             )
 
@@ -269,11 +254,9 @@ def _findings(fit: Fit) -> Iterator[Finding]:
                 hint="state a value inside this range in the actuator table",
                 data={"parameter": each.name, "low": each.low, "high": each.high},
             )
-    worse = [p for p in fit.predictions if p.after > 1.05 * p.before > 0.0]
-    for joint in worse:
+    for joint in (p for p in fit.predictions if p.after > 1.05 * p.before > 0.0):
         yield WORSE(
             f"joint {joint.joint}",
             f"held-out RMS {joint.after:.3g} with the fit, {joint.before:.3g} with the priors",
-            hint="check the gains in `recorded`, and whether the robot carried something",
             data={"before": joint.before, "after": joint.after},
         )

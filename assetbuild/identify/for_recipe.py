@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 
-from assetbuild.robot.identify import Fit, Parameter
+from assetbuild.robot.identify import Fit
 
 
 def as_ranges(fits: Sequence[Fit], timestep_s: float) -> str:
@@ -20,23 +20,16 @@ def _rows(fit: Fit, timestep_s: float) -> Iterator[str]:
     known = [p for p in fit.parameters if not p.refused]
     files = ", ".join(log.file for log in fit.logs)
     for joint in dict.fromkeys(name for p in known for name in p.joints):
-        parameters = [p for p in known if joint in p.joints]
-        for each in parameters:
-            if not _has_range(each):
+        ranges: dict[str, object] = {}
+        for each in (p for p in known if joint in p.joints):
+            low, high = each.low, each.high
+            if each.name == "delay":
+                ranges["delay"] = [math.floor(low / timestep_s), math.ceil(high / timestep_s)]
+            elif low > 0.0:
+                ranges[each.name] = [round(low / each.value, 4), round(high / each.value, 4)]
+            else:
                 yield f"    # {each.name} of {joint}: the interval begins at 0"
-        ranges = {p.name: _range(p, timestep_s) for p in parameters if _has_range(p)}
         if ranges:
             ranges["source"] = f"95 % interval of {files}"
             keys = ", ".join(f"{key}: {json.dumps(value)}" for key, value in ranges.items())
             yield f"    {json.dumps(re.escape(joint))}: {{{keys}}}"
-
-
-def _has_range(parameter: Parameter) -> bool:
-    return parameter.name == "delay" or parameter.low > 0.0
-
-
-def _range(parameter: Parameter, timestep_s: float) -> list[float] | list[int] | str:
-    low, high = parameter.low, parameter.high
-    if parameter.name == "delay":
-        return [math.floor(low / timestep_s), math.ceil(high / timestep_s)]
-    return [round(low / parameter.value, 4), round(high / parameter.value, 4)]

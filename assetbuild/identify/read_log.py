@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -89,7 +88,14 @@ class ReadLog(Step):
                 rest[:, :4], rest[:, 4:] if rest.shape[1] > 4 else None, self.file
             )
         stretches, period, lost = self._stretches(time)
-        yield from self._about_gaps(time, stretches, lost)
+        seconds = sum(float(time[last - 1] - time[first]) for first, last in stretches)
+        if lost > 0.0:
+            yield DROPPED(
+                f"log {Path(self.file).name}",
+                f"{self.file}: samples are missing for {lost:.3g} s in all; {len(stretches)} "
+                f"stretches of {seconds:.3g} s are used",
+                data={"lost_s": round(lost, 6), "stretches": len(stretches)},
+            )
         arrays: dict[str, Array] = {"period_s": np.array(period)}
         for n, (first, last) in enumerate(stretches):
             for name in ("position", "target", "torque", "base"):
@@ -98,9 +104,8 @@ class ReadLog(Step):
                         time[first:last], values[name][first:last], period, held=name == "target"
                     )
         np.savez(files.outputs / "record.npz", **arrays)  # type: ignore[arg-type] # arrays by name
-        seconds = sum(float(time[last - 1] - time[first]) for first, last in stretches)
         about = {"file": self.file, "rate_hz": round(1.0 / period, 6), "seconds": round(seconds, 6)}
-        (files.outputs / "about.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
+        files.write_json("about.json", about)
 
     @property
     def _kinds(self) -> tuple[str, ...]:
@@ -178,19 +183,6 @@ class ReadLog(Step):
             )
         return stretches, round(period, 9), lost
 
-    def _about_gaps(
-        self, time: Array, stretches: list[tuple[int, int]], lost: float
-    ) -> Iterator[Finding]:
-        if lost > 0.0:
-            used = sum(float(time[last - 1] - time[first]) for first, last in stretches)
-            yield DROPPED(
-                f"log {Path(self.file).name}",
-                f"{self.file}: samples are missing for {lost:.3g} s in all; {len(stretches)} "
-                f"stretches of {used:.3g} s are used",
-                hint="record again, or choose an `interval` without gaps",
-                data={"lost_s": round(lost, 6), "stretches": len(stretches)},
-            )
-
 
 def _uniform(time: Array, values: Array, period: float, *, held: bool) -> Array:
     """At each period from the first time on. held: a command, which lasts until the next.
@@ -233,13 +225,32 @@ def suspicions(
 ) -> Iterator[Suspicion]:
     """What is wrong, the most telling first. values: (N, J) by the kind of column, rad or m."""
     position, target = values["position"], values["target"]
-    yield from _swapped(joints, position, target)
-    yield from _against(joints, position, target)
+    alike = _correlations(position, target)
+    yield from _swapped(joints, np.abs(alike))
+    for joint, value in zip(joints, np.diag(alike), strict=True):
+        if value < -FOLLOWS:
+            yield (
+                f"`{joint}` moves against its command (correlation {value:.2f}): the sign of its "
+                "position or of its command is wrong",
+                "turn the sign of the column in the log",
+            )
     yield from _ahead(time, position, target)
-    yield from _still(joints, position, target)
+    for joint, q, u in zip(joints, position.T, target.T, strict=True):
+        if np.std(u) > STILL and np.std(q) < MOVES * np.std(u):
+            yield (
+                f"`{joint}` never moves: its position varies by {np.std(q):.2g} while its command "
+                f"varies by {np.std(u):.2g}",
+                "leave it out by the pattern `joints` of the entry, or correct its column",
+            )
     yield from _outside(tree, joints, position)
-    if "velocity" in values:
-        yield from _velocity(joints, time, position, values["velocity"])
+    if (velocity := values.get("velocity")) is not None:
+        alike = _correlations(np.gradient(position, time, axis=0), velocity)
+        for i, joint in enumerate(joints):
+            if np.std(velocity[:, i]) > 0.0 and alike[i, i] < -FOLLOWS:
+                yield (
+                    f"the velocity of `{joint}` has the opposite sign of the slope of its position",
+                    "turn the sign of one of the two columns",
+                )
 
 
 def _correlations(a: Array, b: Array) -> Array:
@@ -251,8 +262,7 @@ def _correlations(a: Array, b: Array) -> Array:
     return correlations
 
 
-def _swapped(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
-    alike = np.abs(_correlations(position, target))
+def _swapped(joints: Sequence[str], alike: Array) -> Iterator[Suspicion]:
     left = 1.0 - alike**2  # share of the motion that the command leaves open
     for i, joint in enumerate(joints):
         best = int(np.argmax(alike[i]))
@@ -263,17 +273,6 @@ def _swapped(joints: Sequence[str], position: Array, target: Array) -> Iterator[
                 f"the position of `{joint}` follows the command of `{joints[best]}` and the other "
                 "way round: two columns are swapped",
                 "correct `names`, or the columns of the log",
-            )
-
-
-def _against(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
-    alike = np.diag(_correlations(position, target))
-    for joint, value in zip(joints, alike, strict=True):
-        if value < -FOLLOWS:
-            yield (
-                f"`{joint}` moves against its command (correlation {value:.2f}): the sign of its "
-                "position or of its command is wrong",
-                "turn the sign of the column in the log",
             )
 
 
@@ -295,16 +294,6 @@ def _ahead(time: Array, position: Array, target: Array) -> Iterator[Suspicion]:
         )
 
 
-def _still(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
-    for joint, q, u in zip(joints, position.T, target.T, strict=True):
-        if np.std(u) > STILL and np.std(q) < MOVES * np.std(u):
-            yield (
-                f"`{joint}` never moves: its position varies by {np.std(q):.2g} while its command "
-                f"varies by {np.std(u):.2g}",
-                "leave it out by the pattern `joints` of the entry, or correct its column",
-            )
-
-
 def _outside(tree: Tree, joints: Sequence[str], position: Array) -> Iterator[Suspicion]:
     for i, name in enumerate(joints):
         joint = tree.by_joint[name]
@@ -318,16 +307,3 @@ def _outside(tree: Tree, joints: Sequence[str], position: Array) -> Iterator[Sus
             "state `angle_unit: deg`, or the encoder ticks of one turn; or its sign, its zero or "
             "its column is wrong",
         )
-
-
-def _velocity(
-    joints: Sequence[str], time: Array, position: Array, velocity: Array
-) -> Iterator[Suspicion]:
-    slope = np.gradient(position, time, axis=0)
-    alike = _correlations(slope, velocity)
-    for i, joint in enumerate(joints):
-        if np.std(velocity[:, i]) > 0.0 and alike[i, i] < -FOLLOWS:
-            yield (
-                f"the velocity of `{joint}` has the opposite sign of the slope of its position",
-                "turn the sign of one of the two columns",
-            )

@@ -97,9 +97,9 @@ def _drive(model: Any, moving: Moving) -> None:  # Any: as above
         model.actuator_forcelimited[drive] = 0
 
 
-def speeds(pose: Array, period_s: float) -> tuple[Array, Array]:
-    """(N, 6) first and second derivative."""
-    first: Array = np.gradient(pose, period_s, axis=0)
+def speeds(values: Array, period_s: float) -> tuple[Array, Array]:
+    """First and second derivative of samples, in the first dimension."""
+    first: Array = np.gradient(values, period_s, axis=0)
     second: Array = np.gradient(first, period_s, axis=0)
     return first, second
 
@@ -192,22 +192,14 @@ class Record:
         rate = 1.0 / self.period_s
         within = max(1, min(int(QUIET_S * rate), len(self.position) // 4))
         q = smooth(self.position[: within + 2 * self.lead + int(0.5 * rate)], rate)
-        speed = np.gradient(q, self.period_s, axis=0)
-        change = np.gradient(speed, self.period_s, axis=0)
+        _, change = speeds(q, self.period_s)
         scale = np.std(change, axis=0) + 1e-9
         loud = np.max(np.abs(change) / scale, axis=1)
         width = 2 * self.lead + 1
         loudest = np.array([loud[n : n + width].max() for n in range(within)])
-        return self.after(int(np.argmin(loudest)))
+        return self[int(np.argmin(loudest)) :]
 
-    def after(self, sample: int) -> Record:
-        """The record from a sample on."""
-        return self._part(slice(sample, None))
-
-    def until(self, sample: int) -> Record:
-        """The record before a sample."""
-        return self._part(slice(0, sample))
-
-    def _part(self, part: slice) -> Record:
+    def __getitem__(self, part: slice) -> Record:
+        """The record between two samples."""
         others = [None if all_ is None else all_[part] for all_ in (self.torque, self.base)]
         return Record(self.period_s, self.position[part], self.target[part], *others)

@@ -181,7 +181,7 @@ def _in_steps(
 
 def _beginning(record: Record) -> Record:
     least = round(BEGINNING_S / record.period_s)
-    return record.until(max(least, round(BEGINNING * len(record.position))))
+    return record[: max(least, round(BEGINNING * len(record.position)))]
 
 
 def _has_torque(records: Sequence[Record]) -> bool:

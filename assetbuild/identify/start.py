@@ -36,7 +36,6 @@ FITTED = ("armature", "damping", "friction")
 class Motion:
     """A record, smoothed forwards and backwards, without its ends. All (N, J)."""
 
-    q: Array
     v: Array
     a: Array
     rigid: Array
@@ -46,8 +45,7 @@ def motion(plant: Plant, record: Record) -> Motion:
     """Smoothed position with its derivatives, and the torque that the links need for them."""
     rate = 1.0 / record.period_s
     q = smooth(record.position, rate)
-    v = np.gradient(q, record.period_s, axis=0)
-    a = np.gradient(v, record.period_s, axis=0)
+    v, a = speeds(q, record.period_s)
     every = max(1, int(rate / SLOWEST_HZ))
     at = np.arange(0, len(q), every)
     base = None
@@ -57,7 +55,7 @@ def motion(plant: Plant, record: Record) -> Motion:
     sparse = plant.rigid_torque(q[at], v[at], a[at], base)
     n = np.arange(len(q))
     columns = [np.interp(n, at, sparse[:, j]) for j in range(q.shape[1])]
-    return Motion(q, v, a, np.stack(columns, axis=1))
+    return Motion(v, a, np.stack(columns, axis=1))
 
 
 def first_guess(
@@ -125,7 +123,7 @@ def _guesses(
 
 def _errors(plant: Plant, records: Sequence[Record], tried: Sequence[Sequence[Drive]]) -> Array:
     """(tried, J) RMS of what each predicts of the first seconds of the first record."""
-    record = records[0].until(int(TRIED_S / records[0].period_s))
+    record = records[0][: int(TRIED_S / records[0].period_s)]
     errors = []
     for drives in tried:
         steps = plant.in_steps(plant.longest_for(drives))

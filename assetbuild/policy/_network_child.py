@@ -1,7 +1,7 @@
 """The program that runs a policy's network: one file of a stranger, few rights, little memory.
 
-Tells on its standard output what the file is, as a line of JSON; then answers each observation,
-float32, with all outputs, float32, until its standard input ends.
+Writes what the file is on its standard output; then answers each line of its standard input, the
+numbers of each of the network's inputs, with those of each output. All are lines of JSON.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import resource
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 MEMORY_BYTES = 4 << 30
 FLOATS = "tensor(float)"
@@ -19,21 +19,20 @@ FLOATS = "tensor(float)"
 
 def main(path: str) -> None:
     """Load the network, say what it is, serve."""
-    answer = os.fdopen(os.dup(1), "wb", buffering=0)
+    answer = os.fdopen(os.dup(1), "w", buffering=1, encoding="ascii")
     os.dup2(2, 1)  # what the library prints is no answer
     try:
         session = _session(path)
-        inputs, outputs = session.get_inputs(), session.get_outputs()
         description: dict[str, Any] = {
-            "inputs": [[one.name, _shape(one)] for one in inputs],
-            "outputs": [[one.name, _shape(one)] for one in outputs],
+            "inputs": [(one.name, _shape(one)) for one in session.get_inputs()],
+            "outputs": [(one.name, _shape(one)) for one in session.get_outputs()],
             "metadata": dict(session.get_modelmeta().custom_metadata_map),
         }
     except Exception as error:  # whatever the library says is the answer
         description = {"error": " ".join(str(error).split())[:600]}
-    answer.write(json.dumps(description).encode() + b"\n")
+    answer.write(json.dumps(description) + "\n")
     if "error" not in description:
-        _serve(session, inputs, answer)
+        _serve(session, description["inputs"], answer)
 
 
 def _session(path: str) -> Any:
@@ -43,18 +42,15 @@ def _session(path: str) -> Any:
 
     # What `onnxruntime` still opens lies beside it; of the user's files only the policy's folder.
     beside = [str(file.resolve()) for file in Path(path).parent.iterdir() if file.is_symlink()]
-    confine([str(Path(path).parent), *beside, *_libraries()])
+    places = [*sys.path, "/proc", "/sys/devices/system/cpu", "/usr/lib", "/lib"]
+    libraries = [place for place in dict.fromkeys(places) if place and Path(place).exists()]
+    confine([str(Path(path).parent), *beside, *libraries])
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     onnxruntime.set_default_logger_severity(4)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-
-
-def _libraries() -> list[str]:
-    places = [*sys.path, "/proc", "/sys/devices/system/cpu", "/usr/lib", "/lib"]
-    return [place for place in dict.fromkeys(places) if place and Path(place).exists()]
 
 
 def _shape(one: Any) -> list[int]:
@@ -64,17 +60,14 @@ def _shape(one: Any) -> list[int]:
     return [size if isinstance(size, int) else 1 for size in one.shape]
 
 
-def _serve(session: Any, inputs: Any, answer: Any) -> None:
+def _serve(session: Any, inputs: list[tuple[str, list[int]]], answer: TextIO) -> None:
     import numpy as np
 
-    names, shapes = [one.name for one in inputs], [_shape(one) for one in inputs]
-    sizes = [int(np.prod(shape)) for shape in shapes]
-    count = 4 * sum(sizes)
-    while len(data := sys.stdin.buffer.read(count)) == count:
-        parts = np.split(np.frombuffer(data, dtype=np.float32), np.cumsum(sizes)[:-1])
-        fed = {n: p.reshape(s) for n, p, s in zip(names, parts, shapes, strict=True)}
+    for line in sys.stdin:
+        rows = zip(inputs, json.loads(line), strict=True)
+        fed = {name: np.array(row, np.float32).reshape(shape) for (name, shape), row in rows}
         outputs = session.run(None, fed)
-        answer.write(b"".join(np.asarray(one, dtype=np.float32).tobytes() for one in outputs))
+        answer.write(json.dumps([np.ravel(one).tolist() for one in outputs]) + "\n")
 
 
 if __name__ == "__main__":

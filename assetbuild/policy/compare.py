@@ -112,7 +112,15 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     if sizes is not None:
         yield from _shape(policy, sizes)
     yield from _order(policy, bot)
-    for column in _columns(policy, bot):
+    start = {name: bot.position[name] for name in policy.joints if name in bot.position}
+    pose = {name: policy.position[name] for name in policy.acts_on}
+    for column in (
+        Column(GAINS, "kp", policy.kp, bot.kp),
+        Column(GAINS, "kd", policy.kd, bot.kd),
+        Column(POSITION, "default position", policy.position, start),
+        Column(OFFSET, "offset of the action", policy.offset, pose, "its default pose", False),
+        Column(SCALE, "action scale", policy.scale, {}),
+    ):
         yield from _told(column, policy, bot)
     if policy.step_s is None:
         text = (
@@ -133,17 +141,8 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     yield from _outside(policy, bot)
     quat = policy.start_quat
     if quat is not None and abs(quat[3]) > abs(quat[0]) and abs(quat[3]) > 1.0 - SLIP:
-        yield QUATERNION("policy", f"the base starts turned by ({_row(quat)}), w first")
-
-
-def _columns(policy: Policy, bot: Bot) -> Iterator[Column]:
-    start = {name: bot.position[name] for name in policy.joints if name in bot.position}
-    yield Column(GAINS, "kp", policy.kp, bot.kp)
-    yield Column(GAINS, "kd", policy.kd, bot.kd)
-    yield Column(POSITION, "default position", policy.position, start)
-    pose = {name: policy.position[name] for name in policy.acts_on}
-    yield Column(OFFSET, "offset of the action", policy.offset, pose, "its default pose", False)
-    yield Column(SCALE, "action scale", policy.scale, {})
+        turn = ", ".join(f"{value:.4g}" for value in quat)
+        yield QUATERNION("policy", f"the base starts turned by ({turn}), w first")
 
 
 def _outside(policy: Policy, bot: Bot) -> Iterator[Finding]:
@@ -221,20 +220,17 @@ def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
         hint = "add the target `policy` and `policy: {bus_order: [...]}` to the recipe"
         yield ORDER("policy", text, hint)
         return
-    engine, off = min(
-        ((name, _places_off(policy.joints, order)) for name, order in known.items()),
-        key=lambda pair: len(pair[1]),
-    )
+    elsewhere = {
+        engine: [a for a, b in zip(policy.joints, order, strict=True) if a != b]
+        for engine, order in known.items()
+    }
+    engine, off = min(elsewhere.items(), key=lambda pair: len(pair[1]))
     if not off:
         text = f"the joints stand in {ENGINES[engine]} order; its trainer counts them otherwise"
     else:
         listed = quoted(off, SHOWN, MORE)
         text = f"the joints stand in no engine's order; {ENGINES[engine]}, but for {listed}"
     yield ORDER("policy", text, data={"nearest": engine, "joints": tuple(off)})
-
-
-def _places_off(one: Sequence[str], other: Sequence[str]) -> list[str]:
-    return [a for a, b in zip(one, other, strict=True) if a != b]
 
 
 # --- numbers --------------------------------------------------------------------------------------
@@ -360,7 +356,3 @@ def _of(differ: list[str], names: list[str]) -> str:
 
 def _both(column: Column, name: str) -> str:
     return f"`{name}` {column.values[name]:.4g}, {column.reference[name]:.4g} of {column.against}"
-
-
-def _row(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:.4g}" for value in values)

@@ -46,7 +46,7 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
         position=position,
         scale=dict(zip(acts_on, scale, strict=True)),
         offset=dict(zip(acts_on, offset, strict=True)),
-        terms=tuple(_terms(observations, joints, len(acts_on))),
+        terms=tuple(_terms(observations, joints)),
         step_s=config.number("step_dt"),
         kp=kp,
         kd=kd,
@@ -101,7 +101,7 @@ def _observations(config: Said) -> Said:
     return observations.at(next(iter(observations.values)))
 
 
-def _terms(observations: Said, joints: tuple[str, ...], actions: int) -> Iterator[Term]:
+def _terms(observations: Said, joints: tuple[str, ...]) -> Iterator[Term]:
     for name in observations.values:
         if name in SWITCHES:
             continue

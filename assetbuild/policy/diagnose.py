@@ -15,7 +15,7 @@ from assetbuild.grouping import grouped
 from assetbuild.policy.compare import ENGINES, orders_of, sides_of
 from assetbuild.policy.replay import Replay, whole_steps
 from assetbuild.policy.robot import Bot
-from assetbuild.policy.stated import ByJoint, Policy, Term
+from assetbuild.policy.stated import ByJoint, Policy
 from assetbuild.robot.twins import SIDES
 
 BETTER = 0.25
@@ -31,14 +31,8 @@ OBSERVED = {
 }  # fmt: skip
 """Scales that trainers usually have, by observation."""
 Try = Callable[[Policy], Replay]
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A hypothesis. text: what was wrong, in words; policy: with the fault undone."""
-
-    text: str
-    policy: Policy
+Fault = tuple[str, Policy]
+"""What was wrong, in words, and the policy with the fault undone."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +50,11 @@ def diagnose(policy: Policy, bot: Bot, before: Replay, attempt: Try) -> Diagnosi
     """
     best: Diagnosis | None = None
     for group in (_orders, _units, _tables, _poses, _terms, _signs, _neighbours):
-        for fault in group(policy, bot):
-            done = attempt(fault.policy)
+        for text, undone in group(policy, bot):
+            done = attempt(undone)
             is_better = done.score > (best.replay.score if best else before.score + BETTER)
             if done.follows and is_better:
-                best = Diagnosis(fault.text, done)
+                best = Diagnosis(text, done)
         if best is not None and best.replay.score >= SURE:
             return best
     return best
@@ -74,21 +68,18 @@ def _orders(policy: Policy, bot: Bot) -> Iterator[Fault]:
     for engine, order in orders_of(policy, bot).items():
         if order != policy.joints:
             names = dict(zip(policy.joints, order, strict=True))
-            text = f"the joints of the policy stand in {ENGINES[engine]} order"
-            yield Fault(text, renamed(policy, names))
-            moved = replace(
-                renamed(policy, names), kp=_moved(policy.kp, names), kd=_moved(policy.kd, names)
-            )
-            yield Fault(f"{text}, as do its gains", moved)
-            gains = replace(policy, kp=_moved(policy.kp, names), kd=_moved(policy.kd, names))
-            yield Fault(f"its gains stand in {ENGINES[engine]} order", gains)
             back = {there: here for here, there in names.items()}
-            gains = replace(policy, kp=_moved(policy.kp, back), kd=_moved(policy.kd, back))
-            yield Fault(f"its gains stand in its own order, not in {ENGINES[engine]}", gains)
+            text = f"the joints of the policy stand in {ENGINES[engine]} order"
+            yield text, renamed(policy, names)
+            yield f"{text}, as do its gains", _with_gains(renamed(policy, names), names)
+            text = f"its gains stand in {ENGINES[engine]} order"
+            yield text, _with_gains(policy, names)
+            text = f"its gains stand in its own order, not in {ENGINES[engine]}"
+            yield text, _with_gains(policy, back)
     sides = sides_of(policy.joints)
     if sides:
         both = {name: sides.get(name, name) for name in policy.joints}
-        yield Fault("left and right are exchanged", renamed(policy, both))
+        yield "left and right are exchanged", renamed(policy, both)
 
 
 def _units(policy: Policy, bot: Bot) -> Iterator[Fault]:
@@ -97,13 +88,13 @@ def _units(policy: Policy, bot: Bot) -> Iterator[Fault]:
     for step_s in dict.fromkeys((bot.step_s, 0.5 * own_s, 2.0 * own_s)):
         if abs(step_s - own_s) > 1e-9 and whole_steps(step_s, bot.control.simulation.timestep):
             text = f"it acts every {1e3 * step_s:.4g} ms, not every {1e3 * own_s:.4g} ms"
-            yield Fault(text, replace(policy, step_s=step_s))
+            yield text, replace(policy, step_s=step_s)
     for factor in (-1.0, *FACTORS):
         scale = {name: factor * value for name, value in policy.scale.items()}
         text = "the sign of all actions is wrong" if factor < 0 else (
             f"the action scale is {factor:g} times what the file says"
         )  # fmt: skip
-        yield Fault(text, replace(policy, scale=scale))
+        yield text, replace(policy, scale=scale)
 
 
 def _tables(policy: Policy, bot: Bot) -> Iterator[Fault]:
@@ -112,15 +103,15 @@ def _tables(policy: Policy, bot: Bot) -> Iterator[Fault]:
         return
     gains = {name: (bot.kp[name], bot.kd[name]) for name in policy.acts_on if name in bot.kp}
     kp, kd = ({name: pair[i] for name, pair in gains.items()} for i in (0, 1))
-    yield Fault("it was trained with the bundle's gains", replace(policy, kp=kp, kd=kd))
-    yield Fault("kp and kd are exchanged", replace(policy, kp=policy.kd, kd=policy.kp))
+    yield "it was trained with the bundle's gains", replace(policy, kp=kp, kd=kd)
+    yield "kp and kd are exchanged", replace(policy, kp=policy.kd, kd=policy.kp)
     for factor in (*FACTORS, math.degrees(1.0)):
         times = f"{factor:g} times what the file says"
         times = times if factor in FACTORS else "stated per degree, not per rad"
-        kp, kd = _times(policy.kp, factor), _times(policy.kd, factor)
-        yield Fault(f"its gains are {times}", replace(policy, kp=kp, kd=kd))
-        yield Fault(f"kp is {times}", replace(policy, kp=kp))
-        yield Fault(f"kd is {times}", replace(policy, kd=kd))
+        kp, kd = ({n: factor * v for n, v in gains.items()} for gains in (policy.kp, policy.kd))
+        yield f"its gains are {times}", replace(policy, kp=kp, kd=kd)
+        yield f"kp is {times}", replace(policy, kp=kp)
+        yield f"kd is {times}", replace(policy, kd=kd)
 
 
 def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
@@ -143,12 +134,12 @@ def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
     for text, pose in poses.items():
         if pose != stated:
             offset = {name: pose[name] for name in policy.acts_on}
-            yield Fault(text, replace(policy, position=pose, offset=offset))
+            yield text, replace(policy, position=pose, offset=offset)
     if any(policy.offset[name] != stated[name] for name in policy.acts_on):
         offset = {name: stated[name] for name in policy.acts_on}
-        yield Fault("its actions count from its default pose", replace(policy, offset=offset))
+        yield "its actions count from its default pose", replace(policy, offset=offset)
         text = "its observations count from the offset of its actions"
-        yield Fault(text, replace(policy, position={**stated, **policy.offset}))
+        yield text, replace(policy, position={**stated, **policy.offset})
 
 
 def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
@@ -157,10 +148,12 @@ def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
         for value in OBSERVED.get(term.function, ()):
             if set(term.scale) != {value}:
                 text = f"the scale of `{term.name}` is {value:g}, not {term.scale[0]:g}"
-                yield Fault(text, _with_term(policy, index, replace(term, scale=(value,))))
+                scaled = list(policy.terms)
+                scaled[index] = replace(term, scale=(value,))
+                yield text, replace(policy, terms=tuple(scaled))
     if any(term.history > 1 for term in policy.terms):
         way = "each term by itself" if policy.by_time else "step by step, all terms together"
-        yield Fault(f"histories are laid out {way}", replace(policy, by_time=not policy.by_time))
+        yield f"histories are laid out {way}", replace(policy, by_time=not policy.by_time)
     commons = [
         index for index, term in enumerate(policy.terms) if len(term.joints) == len(policy.joints)
     ]
@@ -168,19 +161,19 @@ def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
         terms = list(policy.terms)
         terms[one], terms[other] = terms[other], terms[one]
         text = f"`{policy.terms[one].name}` and `{policy.terms[other].name}` are exchanged"
-        yield Fault(text, replace(policy, terms=tuple(terms)))
+        yield text, replace(policy, terms=tuple(terms))
 
 
 def _signs(policy: Policy, _: Bot) -> Iterator[Fault]:
     """A joint, or one kind of joint, that goes the other way, or starts from the other side."""
     for kind, names in _kinds(policy.acts_on):
         scale = {n: -v if n in names else v for n, v in policy.scale.items()}
-        yield Fault(f"the action of {kind} has the wrong sign", replace(policy, scale=scale))
+        yield f"the action of {kind} has the wrong sign", replace(policy, scale=scale)
         if any(policy.position[name] for name in names):
             position = {n: -v if n in names else v for n, v in policy.position.items()}
             offset = {n: -v if n in names else v for n, v in policy.offset.items()}
             flipped = replace(policy, position=position, offset=offset)
-            yield Fault(f"the default position of {kind} has the wrong sign", flipped)
+            yield f"the default position of {kind} has the wrong sign", flipped
 
 
 def _neighbours(policy: Policy, bot: Bot) -> Iterator[Fault]:
@@ -198,7 +191,7 @@ def _neighbours(policy: Policy, bot: Bot) -> Iterator[Fault]:
             if any(column.get(a) != column.get(b) for a, b in names.items()):
                 changed = {word: _moved(column, names)}
                 text = f"{word} of {one} and {other} is exchanged"
-                yield Fault(text, replace(policy, **changed))  # type: ignore[arg-type] # a column
+                yield text, replace(policy, **changed)  # type: ignore[arg-type] # a column
 
 
 def _kinds(joints: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -232,15 +225,11 @@ def renamed(policy: Policy, names: Mapping[str, str]) -> Policy:
     )
 
 
+def _with_gains(policy: Policy, names: Mapping[str, str]) -> Policy:
+    """The policy, whose gains are of other joints."""
+    return replace(policy, kp=_moved(policy.kp, names), kd=_moved(policy.kd, names))
+
+
 def _moved(values: ByJoint, names: Mapping[str, str]) -> dict[str, float]:
     """What was of a joint, of the one that it is renamed to."""
     return {names.get(name, name): value for name, value in values.items()}
-
-
-def _times(values: ByJoint, factor: float) -> dict[str, float]:
-    return {name: factor * value for name, value in values.items()}
-
-
-def _with_term(policy: Policy, index: int, term: Term) -> Policy:
-    terms = (*policy.terms[:index], term, *policy.terms[index + 1 :])
-    return replace(policy, terms=terms)

@@ -13,7 +13,7 @@ from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import Seen
 from assetbuild.robot.pose import rotation_of
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import Model, mj
+from assetbuild.simulators.mujoco import mj
 from assetbuild.simulators.mujoco.drives import drive_as, read_drives
 
 AT_LIMIT = 0.99
@@ -45,7 +45,10 @@ class InMujoco:
         mj.mj_forward(model, data)
         floors = mujoco.floors(model)
         if mujoco.floats(model) and floors:
-            gaps = [_gap(model, data, geom, floors[0]) for geom in mujoco.collision_geoms(model)]
+            gaps = [
+                mj.mj_geomDistance(model, data, geom, floors[0], REACH_M, None)
+                for geom in mujoco.collision_geoms(model)
+            ]
             data.qpos[2] -= min(gaps, default=0.0)
         data.qvel[:] = 0.0
         self.drive(position, 0.0)
@@ -92,8 +95,3 @@ class InMujoco:
             (x, y, z), (wx, wy, wz) = data.contact.pos[contact] - data.xpos[body], motion[:3]
             speeds.append(math.hypot(motion[3] + wy * z - wz * y, motion[4] + wz * x - wx * z))
         return float(share.mean()) if limited.any() else 0.0, float(np.mean(speeds or [0.0]))
-
-
-def _gap(model: Model, data: mujoco.Data, geom: int, floor: int) -> float:
-    """Distance of a shape from the floor, m; negative inside of it."""
-    return float(mj.mj_geomDistance(model, data, geom, floor, REACH_M, None))

@@ -18,11 +18,7 @@ from assetbuild.policy.stated import Policy, Term
 from assetbuild.robot.orders import breadth_first
 
 FORM = "Isaac Lab's env.yaml"
-WORDS = {
-    "generated_commands": "velocity_commands",
-    "joint_vel": "joint_vel_rel",
-    "last_action": "last_action",
-}
+WORDS = {"generated_commands": "velocity_commands", "joint_vel": "joint_vel_rel"}
 """Its functions that are called otherwise in `terms`."""
 OF_GROUP = frozenset(
     ("concatenate_terms", "concatenate_dim", "enable_corruption", "history_length",

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import json
-import os
-import select
+import math
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,6 +22,8 @@ LARGEST_BYTES = 512 << 20
 """Policies have a few megabytes."""
 SECONDS = 60.0
 """To load a network, and to answer."""
+LONGEST_LINE = 64 << 20
+"""Characters of an answer."""
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
 
 
@@ -44,10 +45,13 @@ class Network:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            encoding="ascii",
             env=environment({"PYTHONPATH": ":".join(part for part in sys.path if part)}),
             cwd=path.absolute().parent,
         )
-        description = self._described()
+        description: dict[str, Any] = self._answer_to("") or {  # Any: JSON
+            "error": f"it crashed, or took more than {SECONDS:g} s or too much memory"
+        }
         if "error" in description:
             self.close()
             raise UsageError(f"`{path.name}` is no network that can be run: {description['error']}")
@@ -64,59 +68,44 @@ class Network:
             )
         self.reset()
 
-    def _described(self) -> dict[str, Any]:  # Any: JSON
-        line = b""
-        while not line.endswith(b"\n") and (more := self._read(1 << 16)):
-            line += more
+    def _answer_to(self, line: str) -> Any:  # Any: as above
+        """What the child says to a line; None where it ended, or took too long."""
+        send, receive = self._child.stdin, self._child.stdout
+        assert send is not None and receive is not None  # noqa: S101 # as opened
+        patience = threading.Timer(SECONDS, self._child.kill)
+        patience.start()
         try:
-            description: dict[str, Any] = json.loads(line)  # Any: as above
-        except ValueError:
-            return {"error": f"it crashed, or took more than {SECONDS:g} s or too much memory"}
-        return description
-
-    def _read(self, most: int) -> bytes:
-        """What has come by now, at least a byte; nothing where it ended or took too long."""
-        pipe = self._child.stdout
-        assert pipe is not None  # noqa: S101 # as opened
-        if not select.select([pipe], [], [], SECONDS)[0]:
-            self._child.kill()
-        return os.read(pipe.fileno(), most)
+            send.write(line)
+            send.flush()
+            return json.loads(receive.readline(LONGEST_LINE))
+        except (OSError, ValueError):  # it ended, or its end of a pipe is closed
+            return None
+        finally:
+            patience.cancel()
 
     def reset(self) -> None:
         """Forget what a recurrent network remembers."""
-        self._state = {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs[1:]}
+        self._state = {name: np.zeros(math.prod(shape)) for name, shape in self.inputs[1:]}
 
     @property
     def sees(self) -> int:
         """How many numbers its first input takes."""
-        return int(np.prod(self.inputs[0][1]))
+        return math.prod(self.inputs[0][1])
 
     @property
     def acts(self) -> int:
         """How many numbers its first output gives."""
-        return int(np.prod(self.outputs[0][1]))
+        return math.prod(self.outputs[0][1])
 
     def act(self, observation: Array) -> Array:
         """(n,) the action for an observation. UsageError where the network fails."""
-        fed = [observation, *self._state.values()]
-        count, data = 4 * sum(int(np.prod(shape)) for _, shape in self.outputs), b""
-        with contextlib.suppress(OSError, ValueError):  # its end of a pipe may be closed
-            self._send(b"".join(np.asarray(one, "<f4").tobytes() for one in fed))
-            while len(data) < count and (more := self._read(count - len(data))):
-                data += more
-        if len(data) < count:
+        fed = [row.tolist() for row in (observation, *self._state.values())]
+        rows = self._answer_to(json.dumps(fed) + "\n")
+        if rows is None:
             raise UsageError(f"`{self._path.name}`: the network does not answer an observation")
-        ends = np.cumsum([int(np.prod(shape)) for _, shape in self.outputs])[:-1]
-        rows = np.split(np.frombuffer(data, dtype=np.float32), ends)
         by_name = {name: row for (name, _), row in zip(self.outputs, rows, strict=True)}
-        self._state = {name: by_name[_answer(name)] for name in self._state}
-        return rows[0].astype(float)
-
-    def _send(self, data: bytes) -> None:
-        pipe = self._child.stdin
-        assert pipe is not None  # noqa: S101 # as opened
-        pipe.write(data)
-        pipe.flush()
+        self._state = {name: np.array(by_name[_answer(name)]) for name in self._state}
+        return np.array(rows[0], float)
 
     def __enter__(self) -> Self:
         return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,14 +116,11 @@ class Observer:
             value = self._scaled(term, FUNCTIONS[term.function](now, term))
             # A history begins as if the robot had stood still before.
             past.extend([value] * (1 if past else term.history))
-        parts = (
-            self._by_time() if self.policy.by_time else [row for past in self._past for row in past]
-        )
+        parts = [row for past in self._past for row in past]
+        if self.policy.by_time:
+            steps = range(max(len(past) for past in self._past))
+            parts = [past[step] for step in steps for past in self._past]
         return np.concatenate(parts).astype(np.float32)
-
-    def _by_time(self) -> list[Array]:
-        steps: Sequence[int] = range(max(len(past) for past in self._past))
-        return [past[step] for step in steps for past in self._past]
 
     def _scaled(self, term: Term, value: Array) -> Array:
         """Isaac Lab and mjlab clip first."""

@@ -8,15 +8,24 @@ import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.lfs import refuse_pointer
-from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import Part, Recipe
 from assetbuild.recipe.renamed_keys import with_new_keys
-from assetbuild.recipe.validation import Key, KeyedError, Misnamed, key_text, locate, validated
+from assetbuild.recipe.validation import (
+    Key,
+    KeyedError,
+    Misnamed,
+    follow,
+    key_text,
+    locate,
+    validated,
+)
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 from assetbuild.robot.actuator_table import RowError
 
@@ -176,9 +185,7 @@ def load(
         model, misnamed = model_of(root)
         return validated(model, root, RecipeError, whole, misnamed)
 
-    def one(path: Path, variant: str | None) -> LoadedRecipe:
-        return _load(path, variant, check, world)
-
+    one = partial(_load, check=check, world=world)
     return _with_parts(one(path, variant), one)
 
 
@@ -232,45 +239,33 @@ def _with_parts(loaded: LoadedRecipe, load_one: One) -> LoadedRecipe:
     """With the recipes of its parts; RecipeError for a part that has parts itself."""
     parts: list[LoadedRecipe] = []
     wrong = Gather(RecipeError)
-    for index, part in enumerate(loaded.recipe.compose):
+    for index, row in enumerate(loaded.recipe.compose):
         with wrong:
-            parts.append(
-                _part_of(loaded, index, part.recipe, part.variant, load_one)
-                if part.recipe is not None
-                else _inline_part(loaded, index)
-            )
+            parts.append(_part_of(loaded, index, row, load_one))
     wrong.stop()
     return replace(loaded, parts=tuple(parts))
 
 
-def _part_of(
-    loaded: LoadedRecipe, index: int, name: str, variant: str | None, load_one: One
-) -> LoadedRecipe:
-    key = ("compose", index, "recipe")
+def _part_of(loaded: LoadedRecipe, index: int, row: Part, load_one: One) -> LoadedRecipe:
+    """A part with a recipe; of one that is a source alone, the whole's recipe has the tables."""
+    name, key, whole = row.recipe, ("compose", index, "recipe"), loaded.recipe
+    if name is None:
+        collision = {"preset": whole.collision.preset, "default": whole.collision.default}
+        given = {"schema": "assetbuild/v1", "robot": row.as_.strip("_") or row.as_}
+        recipe = type(whole).model_validate({**given, "source": row.source, "collision": collision})
+        _, tree, _ = follow(loaded.tree, key[:2])
+        return replace(loaded, recipe=recipe, tree=tree, renamed=(), parts=(), inline=True)
     path = Path(os.path.normpath(loaded.path.parent / name))
     if path == loaded.path or not loaded.world.is_file(path):
         problem = "is this recipe itself" if path == loaded.path else "there is no such file"
         beside = loaded.world.names(path.parent, ends=(".yaml",))
         near = [one for one in beside if path.parent / one != loaded.path]
         raise loaded.error(key, f"`{name}`: {problem}", did_you_mean(path.name, near))
-    part = load_one(path, variant)
+    part = load_one(path, row.variant)
     if part.recipe.compose:
         hint = "list all parts in one recipe"
         raise loaded.error(key, f"`{name}` is composed of parts itself", hint)
     return part
-
-
-def _inline_part(loaded: LoadedRecipe, index: int) -> LoadedRecipe:
-    """A part that is no more than a source: its tables are rows of the whole's recipe."""
-    row, whole = loaded.recipe.compose[index], loaded.recipe
-    collision = {"preset": whole.collision.preset, "default": whole.collision.default}
-    given = {"schema": "assetbuild/v1", "robot": row.as_.strip("_") or row.as_}
-    recipe = type(whole).model_validate({**given, "source": row.source, "collision": collision})
-    entries = loaded.tree.value
-    assert isinstance(entries, dict)  # noqa: S101 # it is a valid recipe
-    rows = entries["compose"].node.value
-    assert isinstance(rows, tuple | list)  # noqa: S101 # as above
-    return replace(loaded, recipe=recipe, tree=rows[index], renamed=(), parts=(), inline=True)
 
 
 def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
@@ -297,12 +292,8 @@ def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
 
 def shown_path(path: Path) -> str:
     """A path for people: relative to the working folder when below it, else as given."""
-    if path.is_absolute():
-        try:
-            return path.relative_to(Path.cwd()).as_posix()
-        except ValueError:
-            return str(path)
-    return path.as_posix()
+    below = path.is_relative_to(Path.cwd())
+    return (path.relative_to(Path.cwd()) if below else path).as_posix()
 
 
 def read_map(

@@ -144,9 +144,8 @@ class Source(Model):
             raise ValueError("`git` and `rev` go together")
         if self.git is not None and "://" in self.git:
             scheme, _, rest = self.git.partition("://")
-            if scheme not in ("http", "https", "ssh") or ":" in rest.partition("@")[0] * (
-                "@" in rest
-            ):
+            has_password = "@" in rest and ":" in rest.partition("@")[0]
+            if scheme not in ("http", "https", "ssh") or has_password:
                 raise ValueError("`git`: https or ssh, without a password; or a folder")
         if [self.urdf, self.xacro, self.mjcf].count(None) != 2:
             raise ValueError(

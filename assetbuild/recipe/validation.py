@@ -113,17 +113,7 @@ def _telling(problems: list[_Problem], misnamed: Sequence[Misnamed]) -> Iterator
 
 def locate(root: Node, key: Key) -> Where:
     """Where a key stands (a list's item: where it begins); the nearest place above if absent."""
-    where, node = root.where, root
-    for part in key:
-        if isinstance(node.value, dict) and str(part) in node.value:
-            entry = node.value[str(part)]
-            where, node = entry.where, entry.node
-        elif isinstance(node.value, tuple) and isinstance(part, int) and part < len(node.value):
-            node = node.value[part]
-            where = node.where
-        else:
-            break
-    return where
+    return follow(root, key)[2]
 
 
 def key_text(key: Key) -> str:
@@ -152,10 +142,10 @@ class _Problem:
 
 def _found(raw: Any, root: Node) -> tuple[Key, Node, Where]:  # Any: as above
     """What an error of pydantic is about, and where that stands."""
-    key, node = _follow(root, raw["loc"])
+    key, node, where = follow(root, raw["loc"], has_tags=True)
     whole = isinstance(node.value, dict | tuple) or node.value is None
     at_key = whole or raw["type"] == "extra_forbidden" or raw["loc"][-1:] == ("[key]",)
-    return key, node, locate(root, key) if at_key else node.where
+    return key, node, where if at_key else node.where
 
 
 def _in_file_order(raw: Any, root: Node) -> tuple[int, int, Key]:  # Any: as above
@@ -178,20 +168,26 @@ def _explained(raw: Any, root: Node, model: type[BaseModel]) -> _Problem:  # Any
     return _Problem(key, where, message, hint, reach)
 
 
-def _follow(root: Node, loc: tuple[str | int, ...]) -> tuple[Key, Node]:
-    """pydantic's path without the tags of unions, and the node at its end."""
+def follow(root: Node, path: Key, *, has_tags: bool = False) -> tuple[Key, Node, Where]:
+    """The key as far as it is there, the node at its end, and where that stands.
+
+    has_tags: between the keys of a path of pydantic stand the tags of unions.
+    """
     key: list[str | int] = []
-    node = root
-    for part in loc:
+    node, where = root, root.where
+    for part in path:
         value = node.value
         if isinstance(value, dict) and str(part) in value:
-            node = value[str(part)].node
+            where, node = value[str(part)].where, value[str(part)].node
         elif isinstance(value, tuple) and isinstance(part, int) and part < len(value):
             node = value[part]
-        else:
+            where = node.where
+        elif has_tags:
             continue
+        else:
+            break
         key.append(part)
-    return tuple(key), node
+    return tuple(key), node, where
 
 
 def _sentence(

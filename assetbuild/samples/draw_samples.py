@@ -26,12 +26,7 @@ from assetbuild.robot.randomize import (
     inertial_of,
     unit_draws,
 )
-from assetbuild.robot.ranges import (
-    JOINT_FACTORS,
-    Randomize,
-    RandomPayload,
-    first_match,
-)
+from assetbuild.robot.ranges import JOINT_FACTORS, Randomize, RandomPayload, first_match
 
 
 class DrawSamples(Step):
@@ -62,9 +57,8 @@ class DrawSamples(Step):
     def _draws(self, tree: Tree) -> Iterator[tuple[str, Array]]:
         for name, body in tree.by_body.items():
             matter = first_match(self.randomize.links, name)
-            if matter is None or body.inertial is None or body.inertial.mass_kg <= 0.0:
-                continue
-            yield name, draw(body.inertial, matter, self._count, self.randomize.seed, name)
+            if matter is not None and body.inertial is not None and body.inertial.mass_kg > 0.0:
+                yield name, draw(body.inertial, matter, self._count, self.randomize.seed, name)
 
     def _sample(self, tree: Tree, draws: Mapping[str, Array], index: int) -> Sample:
         payloads = tuple(
@@ -194,7 +188,5 @@ def _slid(contact: Contact, sample: Sample) -> Contact:
 
 
 def _varied(actuator: Actuator, by: JointSample) -> Actuator:
-    stated = {key: getattr(actuator, key) for key in JOINT_FACTORS}
-    return replace(
-        actuator, **{key: value and value * getattr(by, key) for key, value in stated.items()}
-    )
+    stated = {key: value for key in JOINT_FACTORS if (value := getattr(actuator, key))}
+    return replace(actuator, **{key: v * getattr(by, key) for key, v in stated.items()})

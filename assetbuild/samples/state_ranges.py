@@ -125,14 +125,9 @@ class StateRanges(Target):
 
     def _payloads(self, tree: Tree) -> list[dict[str, Any]]:  # Any: YAML, here and below
         return [
-            {
-                "link": payload.link,
-                "body": tree.placement(payload.link)[0],
-                "mass": list(payload.mass),
-                "size": list(payload.size),
-                "at": list(payload.at),
-                "source": payload.source or UNSTATED,
-            }
+            {"link": payload.link, "body": tree.placement(payload.link)[0]}
+            | payload.model_dump(mode="json")
+            | {"source": payload.source or UNSTATED}
             for payload in self.randomize.payloads
         ]
 

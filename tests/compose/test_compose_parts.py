@@ -12,7 +12,8 @@ from robot_files import run_step, write_source_ports
 from tiny import TinyRobot, pendulum, tiny_quadruped
 from urdfs import read
 
-from assetbuild.compose.compose_parts import ComposeParts, MountedPart
+from assetbuild.compose.compose_parts import ComposeParts
+from assetbuild.compose.composed_control import MountedPart
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Base, Tree

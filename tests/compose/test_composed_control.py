@@ -11,8 +11,8 @@ from mjcfs import Reading, hard_arm, read
 from robot_files import run_step, write_source_ports
 from tiny import pendulum, tiny_quadruped
 
-from assetbuild.compose.compose_parts import ComposeParts, MountedPart
-from assetbuild.compose.composed_control import KeyOf, PartControl
+from assetbuild.compose.compose_parts import ComposeParts
+from assetbuild.compose.composed_control import KeyOf, MountedPart, PartControl
 from assetbuild.compose.composed_masks import meeting_masks, touch
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode, encode
@@ -30,7 +30,8 @@ def parsed(item: MjcfOnly) -> ElementTree.Element:
 
 
 def part(reading: Reading, prefix: str = "p_", **more) -> PartControl:
-    return PartControl(prefix, reading.links.root, reading.source, **more)
+    on = MountedPart(prefix=prefix, at=At(link="trunk"), **more)
+    return PartControl(on, reading.links, reading.source)
 
 
 def test_every_reference_of_a_hard_robot_follows_its_name(tmp_path: Path):
