@@ -189,13 +189,19 @@ def driven_by(tuning: Tuning | None) -> set[str]:
 def hand_of(
     robot: InspectedRobot, anatomy: Anatomy, tree: Tree, driven: Collection[str]
 ) -> list[str]:
-    """Links that touch what is held: of driven fingers, of those that follow, and their palms."""
+    """Links of the source that touch what is held: of driven fingers, of those that follow, and
+    their palms, each with what fixed joints hold on to it."""
     parts = roles(tree, anatomy)
     fingers = [joint for joint in tree.moving_joints if parts[joint.name] == "finger"]
     if not any(joint.name in driven for joint in fingers):
         return []
     touching = {name for joint in fingers for name in (joint.parent, joint.child)}
-    return [body.name for body in robot.links.bodies if body.name in touching]
+    body_of = {frame.name: frame.body for frame in tree.frames}
+    return [
+        link.name
+        for link in robot.links.bodies
+        if body_of.get(link.name, link.name) in touching and link.name in robot.solid_links
+    ]
 
 
 def put_pads(draft: Draft, robot: InspectedRobot, hand: Sequence[str], timestep: float) -> None:
@@ -243,13 +249,11 @@ def _are_sides(one: str, other: str) -> bool:
 def mjcf_hand(
     robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
 ) -> list[str]:
-    """Links of the hand that collide, see `hand_of`; a tendon's actuator may drive any joint."""
+    """As `hand_of`, where a tendon's actuator may drive any joint."""
     driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         driven = {joint.name for joint in robot.tree.moving_joints}
-    return [
-        link for link in hand_of(robot, anatomy, robot.tree, driven) if link in robot.solid_links
-    ]
+    return hand_of(robot, anatomy, robot.tree, driven)
 
 
 def put_own_pads(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 import trimesh
 import yaml
-from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape
+from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
 
 from assetbuild.init import propose
 
@@ -109,3 +110,24 @@ def test_links_that_one_drive_turns_side_by_side_do_not_collide(tmp_path: Path):
     pairs = yaml.safe_load(text)["collision"]["exclude"]["pairs"]
     assert pairs[:2] == [["left_outer", "left_inner"], ["right_outer", "right_inner"]]
     assert ["left_outer", "right_outer"] not in pairs
+
+
+def test_what_a_finger_holds_by_a_fixed_joint_gets_its_surface(tmp_path: Path):
+    """As in an OrcaHand, whose moving links have no geometry of their own."""
+
+    def finger(name: str, y: str) -> str:
+        at = {"xyz": f"0 {y} 0.03", "axis": "1 0 0"}
+        turns = joint(f"{name}_j", "palm", f"{name}_body", content=LIMIT, **at)
+        tip = link(f"{name}_tip", light, shape("collision", box(0.02)))
+        fixed = joint(f"{name}_fixed", f"{name}_body", f"{name}_tip", "fixed", xyz="0 0 0.02")
+        return link(f"{name}_body", light) + turns + tip + fixed
+
+    light = inertial(0.02, tensor(1e-5, 1e-5, 1e-5))
+    palm = link("palm", inertial(), shape("collision", BOX))
+    hand = robot(palm, *(finger(f"finger_{n}", f"0.0{3 * n}") for n in range(1, 4)))
+    (tmp_path / "hand.urdf").write_text(hand)
+    text = propose(tmp_path / "hand.urdf", tmp_path / "hand.yaml", {}).text
+    (pattern,) = yaml.safe_load(text)["contact"]["links"]
+    links = ["palm", *(f"finger_{n}_{part}" for n in range(1, 4) for part in ("body", "tip"))]
+    named = [name for name in links if re.fullmatch(pattern, name)]
+    assert named == ["palm", "finger_1_tip", "finger_2_tip", "finger_3_tip"]
