@@ -15,7 +15,7 @@ from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import FactCollector, Key, Table
+from assetbuild.facts.table import Key, Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
@@ -153,13 +153,13 @@ def _as_held(table: Table, control: Control) -> Table:
 
     A spring is the stiffness of its joint's group; no effort limits a joint without a drive.
     """
-    springs, facts = as_drives(control), FactCollector()
+    springs, facts = as_drives(control), Table()
     for name in table.names("joint"):
         if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
             spring = springs.get(name)
             facts.put("joint", name, {"kp": spring.stiffness if spring else 0.0})
-    loose = set(facts.table().names("joint"))
-    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | facts.table()
+    loose = set(facts.names("joint"))
+    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | facts
 
 
 def _motion(

@@ -13,7 +13,7 @@ import numpy as np
 
 from assetbuild.facts.derived import first_match, per_axis
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import FactCollector, Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose
 
@@ -33,16 +33,14 @@ def varied(reference: Reference, section: str, name: str) -> Ranges | None:
     return ranges
 
 
-def put_draw(
-    collector: FactCollector, kind: str, name: str, word: str, stated: Any
-) -> None:  # Any: JSON
+def put_draw(table: Table, kind: str, name: str, word: str, stated: Any) -> None:  # Any: JSON
     """Note what is drawn of a subject; several draws of one quantity one after another."""
     numbers = tuple(_flat(stated))
     unchanged = 1.0 if word in (*FACTORS, "density") else 0.0
     if any(number != unchanged for number in numbers):
         key = Key(kind, name, f"drawn:{word}")
-        before: Value = collector.facts.get(key, ())
-        collector.facts[key] = (*before, *numbers)  # type: ignore[misc] # a tuple, as written here
+        before: Value = table.facts.get(key, ())
+        table.facts[key] = (*before, *numbers)  # type: ignore[misc] # a tuple, as written here
 
 
 def _flat(stated: Any) -> Iterator[Any]:  # Any: as above
@@ -56,28 +54,28 @@ def _flat(stated: Any) -> Iterator[Any]:  # Any: as above
 
 def drawn(reference: Reference, draws: Draws, without: tuple[str, ...] = ()) -> Table:
     """All that a format must draw. without: the words that it has no way to draw."""
-    collector, tree = FactCollector(), reference.tree
+    table, tree = Table(), reference.tree
     recipe = reference.options.get("randomize") or {}
     for body in tree.bodies:
         matter = varied(reference, "links", body.name)
         for word, pair in _matter(matter) if matter and not body.is_massless else ():
-            put_draw(collector, "body", body.name, word, pair)
+            put_draw(table, "body", body.name, word, pair)
     for payload in recipe.get("payloads", ()):
         name, X_body_link = tree.placement(payload["link"])
         if not tree.by_body[name].is_massless:
-            put_draw(collector, "body", name, "payload mass", payload["mass"])
-            put_draw(collector, "body", name, "payload box", _box(payload, X_body_link))
+            put_draw(table, "body", name, "payload mass", payload["mass"])
+            put_draw(table, "body", name, "payload box", _box(payload, X_body_link))
     for joint in tree.moving_joints:
         ranges = varied(reference, "joints", joint.name) or {}
         row = reference.control.by_joint.get(joint.name)
         for word in FACTORS:
             if draws(row, word):
-                put_draw(collector, "joint", joint.name, word, ranges.get(word))
+                put_draw(table, "joint", joint.name, word, ranges.get(word))
         bias = ranges.get("encoder_bias") or 0.0
-        put_draw(collector, "joint", joint.name, "encoder bias", (-bias, bias))
-    put_draw(collector, "robot", "", "surface friction", recipe.get("friction"))
-    put_draw(collector, "robot", "", "restitution", recipe.get("restitution"))
-    return collector.table().only(lambda key: key.quantity.removeprefix("drawn:") not in without)
+        put_draw(table, "joint", joint.name, "encoder bias", (-bias, bias))
+    put_draw(table, "robot", "", "surface friction", recipe.get("friction"))
+    put_draw(table, "robot", "", "restitution", recipe.get("restitution"))
+    return table.only(lambda key: key.quantity.removeprefix("drawn:") not in without)
 
 
 def _matter(matter: Ranges) -> Iterator[tuple[str, tuple[float, float]]]:

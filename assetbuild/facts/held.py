@@ -22,7 +22,7 @@ from assetbuild.facts.reference import (
     surface_facts,
 )
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import FactCollector, Table, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
@@ -79,7 +79,7 @@ def as_newton(table: Table) -> Table:
 
     Another drive is in one of the files alone. Bodies without mass may be merged away.
     """
-    collector = FactCollector()
+    collector = Table()
     for name in table.names("body"):
         weight = {q: v for q, v in table.of("body", name).items() if q in WEIGHT}
         if weight.get("mass"):
@@ -97,7 +97,7 @@ def as_newton(table: Table) -> Table:
     for key, value in table.facts.items():
         if key.kind == "shape" and key.quantity in HELD_BY_NEWTON["shape"]:
             collector.facts[key] = value
-    return collector.table()
+    return collector
 
 
 def _stated(limit: Value) -> Value:
@@ -115,7 +115,7 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     mimics: whether the USD couples them.
     """
     table, tree, control = robot_table(reference), reference.tree, reference.control
-    collector = FactCollector()
+    collector = Table()
     light = {body.name for body in tree.bodies if body.is_massless}
     for key, value in table.facts.items():
         held = key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ())
@@ -142,7 +142,7 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
         rough[tree.placement(shape.link)[0]].append(friction)
     for name, values in rough.items():
         collector.put("body", name, _surfaces(values, values, [0.0] * len(values)))
-    return collector.table()
+    return collector
 
 
 def _physx_joint(joint: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
@@ -168,7 +168,7 @@ def _surfaces(*columns: list[float]) -> dict[str, Value]:
 
 def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]]) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
-    collector = FactCollector()
+    collector = Table()
     collector.put("robot", "", {
         "base": "fixed" if held["fixed_base"] else "floating",
         "physx:dof": float(held["dof"]),
@@ -199,7 +199,7 @@ def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Val
         collector.put("joint", name, _held_joint(row))
     for name, facts in couplings.items():
         collector.put("joint", name, facts)
-    return collector.table()
+    return collector
 
 
 def _pose(row: Sequence[float]) -> Pose:
@@ -247,7 +247,7 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
     tree, table = reference.tree, as_newton(robot_table(reference))
     expected = table.only(lambda key: coupled or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
-    collector = FactCollector()
+    collector = Table()
     collector.put("robot", "", {"newton:dof": dof})
     soft = dict(reference.control.soft_limits)
     for joint in tree.moving_joints if usd else ():
@@ -262,7 +262,7 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
             collector.put("joint", joint.name, {f"newton:actuator {name}": value})
     for name, facts in _surfaces_of(shapes, reference.control):
         collector.put("shape", name, facts)
-    return expected | collector.table()
+    return expected | collector
 
 
 def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[str, Value]]]:
@@ -280,9 +280,9 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
 def newton_table(held: Held) -> Table:
     """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
     model: Model = HeldModel(held)
-    collector = FactCollector()
+    collector = Table()
     read_model(model, collector, meshes=NoMeshes(model))
-    table, collector = as_newton(collector.table()), FactCollector()
+    table, collector = as_newton(collector), Table()
     collector.put("robot", "", {"newton:dof": float(held["nv"])})
     for index, name in enumerate(held["names"]["joint"]):
         if table.of("joint", name):
@@ -291,7 +291,7 @@ def newton_table(held: Held) -> Table:
             collector.put("joint", name, {"newton:solreflimit": softness})
     for name, law in held["laws"].items():
         collector.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
-    return table | collector.table()
+    return table | collector
 
 
 class NoMeshes(Meshes):

@@ -8,7 +8,7 @@ from typing import Literal
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
-from assetbuild.facts.table import FactCollector, Table, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.facts.trainers import matching, number_of, put_start
 
 Generation = Literal[2, 3]
@@ -79,7 +79,7 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
     patterns are meant for, of the robot that it is compared with; empty = the patterns themselves
     are the subjects. UsageError for a file that fails, or without that configuration.
     """
-    record, facts = recorded(path), FactCollector()
+    record, facts = recorded(path), Table()
     configs = configs_of(record, path)
     if name not in configs and (name or len(configs) > 1):
         raise UsageError(
@@ -93,7 +93,7 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
         for joint in matching(drive_patterns, names) if joints else drive_patterns:
             facts.put("joint", joint, drive_facts(drive, joint, FOREIGN))
     put_start(start, quat_of(start, _generation(record, config)), FORM, names, facts)
-    return facts.table()
+    return facts
 
 
 def _generation(record: Record, config: Record) -> Generation:

@@ -15,7 +15,7 @@ from assetbuild.facts.mjcf_fields import Bodies, fields
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import FactCollector, Key, Table, pair_name
+from assetbuild.facts.table import Key, Table, pair_name
 from assetbuild.robot.model import MjcfOnly
 from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mj
 
@@ -134,9 +134,9 @@ def compiled_facts(
     bodies: Bodies | None = None,
 ) -> Table:
     """A compiled model as facts. by_area: see `measure`; bodies: in whose frames."""
-    collector, known = FactCollector(), opaque.subjects if opaque else ()
-    elements = read_model(model, collector, known, by_area=by_area, bodies=bodies)
-    return Table({**collector.facts, **fields(model, elements)})
+    table, known = Table(), opaque.subjects if opaque else ()
+    elements = read_model(model, table, known, by_area=by_area, bodies=bodies)
+    return Table({**table.facts, **fields(model, elements)})
 
 
 class MjcfReader(Reader):
@@ -173,8 +173,10 @@ class MjcfReader(Reader):
     def expected(self, reference: Reference) -> Table:
         """The robot that this form holds, and its solver."""
         here = self.robot_of(reference)
-        solver = solver_facts(here, self.solver) if self.solver else {}
-        return self._compared(Table({**mjcf_table(here).facts, **solver}), here)
+        table = mjcf_table(here)
+        if self.solver:
+            table.put("simulation", "", solver_facts(here, self.solver))
+        return self._compared(table, here)
 
     def found(self, path: Path, reference: Reference) -> Table:
         """All facts of a file of this robot."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from assetbuild.facts.mjcf_fields import Bodies, numbers
 from assetbuild.facts.surface import Surface, measure
-from assetbuild.facts.table import FactCollector, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, floats, mj, name_of
 from assetbuild.simulators.mujoco.drives import Drive
@@ -76,7 +76,7 @@ OBJECTS = {
 """MuJoCo's kind of object -> the vocabulary's; an XBODY is the frame of a body."""
 
 
-def read_senses(bodies: Bodies, facts: FactCollector) -> None:
+def read_senses(bodies: Bodies, facts: Table) -> None:
     """Sensors and cameras."""
     model = bodies.model
     for sensor in range(model.nsensor):
@@ -123,7 +123,7 @@ def _object(model: Model, sensor: int, side: str) -> str:
 
 
 def read_keyframe(
-    model: Model, key: int, moving: list[int], drives: Iterable[Drive], facts: FactCollector
+    model: Model, key: int, moving: list[int], drives: Iterable[Drive], facts: Table
 ) -> None:
     """A pose and its commands. moving: hinges, slides and balls."""
     name, qpos, ctrl = name_of(model, "key", key), model.key_qpos[key], model.key_ctrl[key]

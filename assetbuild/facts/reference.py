@@ -12,7 +12,7 @@ from typing import Any
 from assetbuild.errors import UsageError
 from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import FactCollector, Table, Value, pair_name
+from assetbuild.facts.table import Table, Value, pair_name
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
@@ -150,35 +150,33 @@ def _with_new_keys(plain: dict[str, Any]) -> dict[str, Any]:
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
     """Every fact of the robot. merged: of the bodies that are simulated, else of the links."""
-    collector = FactCollector()
+    table = Table()
     tree = reference.tree if merged else reference.links
-    collector.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
+    table.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
     above = tree.joint_above
     for body in tree.bodies:
         joint = above.get(body.name)
         pose = {"pose": pose_value(joint.X_parent_joint)} if joint else {}
         parent: dict[str, Value] = {"parent": joint.parent if joint else ""}
-        collector.put("body", body.name, parent | pose | inertial_facts(body.inertial))
+        table.put("body", body.name, parent | pose | inertial_facts(body.inertial))
     for frame in tree.frames:
-        collector.put(
-            "frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)}
-        )
+        table.put("frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)})
     for joint in tree.joints:
-        collector.put("joint", joint.name, joint_facts(joint))
+        table.put("joint", joint.name, joint_facts(joint))
         if joint.kind in MOVING:
-            collector.put("joint", joint.name, drive_facts(joint, reference.control))
+            table.put("joint", joint.name, drive_facts(joint, reference.control))
     for name, (stiffness, rest) in springs_of(reference.control).items():
-        collector.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
+        table.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
     for loop in reference.control.loops:
-        collector.put("loop", loop.name, loop_facts(loop))
-    _shapes(tree, reference, collector)
+        table.put("loop", loop.name, loop_facts(loop))
+    _shapes(tree, reference, table)
     for first, second in filtered_pairs(tree, reference.shapes, reference.control):
-        collector.put("pair", pair_name(first, second), {"filtered": True})
-    _senses(tree, reference.control, collector)
+        table.put("pair", pair_name(first, second), {"filtered": True})
+    _senses(tree, reference.control, table)
     for key in reference.control.keyframes:
-        _keyframe(key, tree, collector)
-    collector.put("simulation", "", simulation_values(reference.control))
-    return collector.table()
+        _keyframe(key, tree, table)
+    table.put("simulation", "", simulation_values(reference.control))
+    return table
 
 
 def simulation_values(control: Control) -> dict[str, Value]:
@@ -266,7 +264,7 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
 # --- shapes ---------------------------------------------------------------------------------
 
 
-def _shapes(tree: Tree, reference: Reference, collector: FactCollector) -> None:
+def _shapes(tree: Tree, reference: Reference, table: Table) -> None:
     materials = {material.name: material for material in reference.shapes.materials}
     surfaces, pixels = dict(reference.assets.surfaces), dict(reference.assets.pixels)
     contacts = dict(reference.control.contacts)
@@ -281,7 +279,7 @@ def _shapes(tree: Tree, reference: Reference, collector: FactCollector) -> None:
                 facts["texture"] = pixels.get(material.texture or "")
         else:
             facts |= surface_facts(contacts.get(shape.name, reference.control.contact))
-        collector.put("shape", shape.name, facts)
+        table.put("shape", shape.name, facts)
 
 
 def geometry_facts(shape: Shape, pose: Pose, surfaces: Mapping[str, Surface]) -> dict[str, Value]:
@@ -337,12 +335,12 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
 # --- sensors, cameras, poses ----------------------------------------------------------------
 
 
-def _senses(tree: Tree, control: Control, collector: FactCollector) -> None:
+def _senses(tree: Tree, control: Control, table: Table) -> None:
     for sensor in control.sensors:
-        collector.put("sensor", sensor.name, sensor_facts(sensor))
+        table.put("sensor", sensor.name, sensor_facts(sensor))
     for camera in control.cameras:
         body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
-        collector.put(
+        table.put(
             "camera",
             camera.name,
             {
@@ -367,8 +365,8 @@ def sensor_facts(sensor: Sensor) -> dict[str, Value]:
     }
 
 
-def _keyframe(key: Keyframe, tree: Tree, collector: FactCollector) -> None:
+def _keyframe(key: Keyframe, tree: Tree, table: Table) -> None:
     if key.base is not None and tree.base == "floating":
-        collector.put("keyframe", key.name, {"base pose": pose_value(key.base)})
+        table.put("keyframe", key.name, {"base pose": pose_value(key.base)})
     for joint, value in key.joints:
-        collector.put("keyframe", f"{key.name}/{joint}", {"position": value})
+        table.put("keyframe", f"{key.name}/{joint}", {"position": value})

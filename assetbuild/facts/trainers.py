@@ -13,7 +13,7 @@ from assetbuild.facts.derived import start_of
 from assetbuild.facts.draws import put_draw
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
-from assetbuild.facts.table import FactCollector, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
 
 Names = Mapping[str, str]
@@ -85,9 +85,7 @@ def delay_s(steps: Sequence[float], timestep_s: float) -> tuple[float, ...]:
 # --- the start --------------------------------------------------------------------------------
 
 
-def put_start(
-    start: Record, quat: Sequence[float], form: str, names: Names, facts: FactCollector
-) -> None:
+def put_start(start: Record, quat: Sequence[float], form: str, names: Names, facts: Table) -> None:
     """Where the root and the joints start, those that it does not name at 0. quat: w, x, y, z."""
     pose = (*start.get("pos", (0.0, 0.0, 0.0)), *quat)
     # PhysX refuses a quaternion of another length than 1, and comparing poses does not see it.
@@ -99,7 +97,7 @@ def put_start(
 
 
 def put_expected_start(
-    reference: Reference, form: str, soft_limits: float, clearance_m: float, facts: FactCollector
+    reference: Reference, form: str, soft_limits: float, clearance_m: float, facts: Table
 ) -> None:
     """What `put_start` must find. clearance_m: how much higher the root is put."""
     start = start_of(reference.tree, reference.control)
@@ -119,7 +117,7 @@ def put_terms(
     known: Mapping[str, Term],
     bodies: Names,
     joints: Names,
-    facts: FactCollector,
+    facts: Table,
     groups: Sequence[Sequence[str]] = (),
 ) -> None:
     """What `EventTermCfg`s draw. groups: joints of each drive, which a term names by its place."""

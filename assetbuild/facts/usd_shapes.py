@@ -14,7 +14,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface, measure, pixel_digest
-from assetbuild.facts.table import FactCollector, Value, pair_name
+from assetbuild.facts.table import Table, Value, pair_name
 from assetbuild.facts.usd_prims import Places, Prim, Units, rigid
 from assetbuild.robot.pose import Array, Pose, quat_between
 
@@ -53,7 +53,7 @@ class Collider:
 
 
 def read_shapes(
-    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, collector: FactCollector
+    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, table: Table
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
     measured = functools.cache(functools.partial(_measure, units=places.units))
@@ -61,7 +61,7 @@ def read_shapes(
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
-        name = (holder or prim).named("shape", collector)
+        name = (holder or prim).named("shape", table)
         if holder and alone.count(holder.path) > 1:
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
@@ -74,7 +74,7 @@ def read_shapes(
         else:
             material, _ = UsdShade.MaterialBindingAPI(prim.prim).ComputeBoundMaterial()
             facts |= look(material.GetPrim()) if material else {}
-        collector.put("shape", name, facts)
+        table.put("shape", name, facts)
     return colliders
 
 
@@ -212,7 +212,7 @@ def pair_facts(
     filters: Iterable[tuple[str, str]],
     apart: Iterable[tuple[str, ...]],
     articulated: Collection[str],
-    collector: FactCollector,
+    table: Table,
 ) -> None:
     """Pairs of bodies, and of single shapes, that never touch.
 
@@ -237,12 +237,12 @@ def pair_facts(
         kept = [frozenset(pair) in never for pair in pairs]
         if all(kept):
             named = pair_name(names.get(left, left), names.get(right, right))
-            collector.put("pair", named, {"filtered": True})
+            table.put("pair", named, {"filtered": True})
             continue
         for (a, b), is_apart in zip(pairs, kept, strict=True):
             if is_apart:
                 both = pair_name(colliders[a].name, colliders[b].name)
-                collector.put("shape pair", both, {"usd:filtered": True})
+                table.put("shape pair", both, {"usd:filtered": True})
 
 
 # --- meshes --------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from assetbuild.facts.isaaclab_config import (
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import LINE, Record, class_of, recorded, table_of
-from assetbuild.facts.table import FactCollector, Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.trainers import (
     LOOPS,
     Names,
@@ -146,7 +146,7 @@ def _both(tables: Mapping[Generation, Table]) -> Table:
 
 def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> Table:
     path = path.with_name(path.name.replace("_isaaclab_2", f"_isaaclab_{generation}"))
-    record, facts = recorded(path), FactCollector()
+    record, facts = recorded(path), Table()
     config = next(iter(configs_of(record, path).values()))
     start = table_of(config.get("init_state"))
     joints = joints or own_names(start.get("joint_pos"))
@@ -164,7 +164,7 @@ def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> 
             facts.put("joint", joint, _drive(group, joint, generation, timestep))
             facts.place("joint", joint, f"{path.name}:{group.get(LINE)}")
     put_terms(record.get("EventCfg"), TERMS, bodies, joints, facts)
-    return facts.plain_table()
+    return facts.plain()
 
 
 def _spawn(spawn: Record) -> Iterator[tuple[str, Value]]:
@@ -195,7 +195,7 @@ def _drive(
 
 def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     """The start, the asset and its solver, drives in Isaac Lab's forms, and its materials."""
-    facts, asked = FactCollector(), reference.options.get("isaaclab") or {}
+    facts, asked = Table(), reference.options.get("isaaclab") or {}
     clearance = asked.get("clearance", CLEARANCE_M) if reference.tree.base == "floating" else 0.0
     soft = asked.get("soft_joint_pos_limit_factor", 1.0)
     put_expected_start(reference, FORM, soft, clearance, facts)
@@ -218,7 +218,7 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
         words = {"surface friction": friction, "dynamic surface friction": friction}
         words["materials"] = (asked.get("friction_buckets", MATERIALS),)
         facts.put("robot", "", {f"drawn:{word}": value for word, value in words.items()})
-    return facts.table()
+    return facts
 
 
 def _solving(reference: Reference, generation: Generation) -> Iterator[tuple[str, Value]]:

@@ -24,7 +24,7 @@ from assetbuild.facts.standins import (
     table_of,
     words_of,
 )
-from assetbuild.facts.table import FactCollector, Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.trainers import (
     LOOPS,
     Names,
@@ -125,7 +125,7 @@ class MjlabReader(Reader):
 
 def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
     """Of the velocity task where there is one, else of the robot alone."""
-    facts, task = FactCollector(), record.get("velocity_flat_cfg()")
+    facts, task = Table(), record.get("velocity_flat_cfg()")
     robot, terms = record["robot_cfg()"], record.get("randomize_events()")
     simulation = {name: record[name.upper()] for name in ("timestep", "decimation", "gravity")}
     scale = record["ACTION_SCALE"]
@@ -152,7 +152,7 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
         if (number := number_of(scale, there)) is not None:
             facts.put("joint", joint, {f"{FORM}:action scale": number})
     put_terms(_with_densities(terms), TERMS, bodies, joints, facts, groups)
-    return facts.plain_table()
+    return facts.plain()
 
 
 def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
@@ -182,7 +182,7 @@ def _with_densities(terms: object) -> Record:
 
 def _besides(reference: Reference, robot: str) -> Table:
     """The start, delays, actions, and the options of the velocity task."""
-    facts, asked = FactCollector(), reference.options.get("mjlab") or {}
+    facts, asked = Table(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
     root = body_names(reference.tree)[reference.tree.root]
     facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": root})
@@ -205,7 +205,7 @@ def _besides(reference: Reference, robot: str) -> Table:
         facts.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
         solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
         facts.put("simulation", "", solver)
-    return facts.table()
+    return facts
 
 
 def _walks(reference: Reference) -> bool:

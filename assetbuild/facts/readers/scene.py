@@ -13,7 +13,7 @@ from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import plain
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import FactCollector, Table, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.floor import brings_floor, floor_of, starting_origins
 from assetbuild.robot.pose import rotation_of
@@ -41,7 +41,7 @@ class SceneFacts(Reader):
         beside = f"{self.robot}{path.stem.removeprefix('scene')}.xml"  # `go1_mjx.xml`
         robot, scene = _compiled(path.with_name(beside)), _compiled(path)
         before, after = compiled_facts(robot).facts, compiled_facts(scene).facts
-        facts = FactCollector()
+        facts = Table()
         for key in dict.fromkeys((*before, *after)):
             if before.get(key) != after.get(key):
                 word = key.quantity.removeprefix("mjcf:")
@@ -59,14 +59,14 @@ class SceneFacts(Reader):
             "mjcf:extent": float(scene.stat.extent),
             "mjcf:lights": float(scene.nlight - robot.nlight),
         })  # fmt: skip
-        return facts.table()
+        return facts
 
     def expected(self, reference: Reference) -> Table:
         """A view of the robot, and the floor below it where its own MJCF brings none."""
         origins = starting_origins(reference.tree, reference.control)
         size = max(SMALLEST_VIEW_M, float(np.linalg.norm(np.ptp(origins, axis=0))))
         middle = (origins.min(axis=0) + origins.max(axis=0)) / 2.0
-        facts = FactCollector()
+        facts = Table()
         facts.put("view", "", {
             "mjcf:centre": tuple(round(value, 2) for value in middle.tolist()),
             "mjcf:extent": round(size, 2),
@@ -80,7 +80,7 @@ class SceneFacts(Reader):
                 "mjcf:normal": (0.0, 0.0, 1.0),
                 "mjcf:masks": (1.0, 1.0),
             })  # fmt: skip
-        return facts.table()
+        return facts
 
 
 class SceneMjxFacts(SceneFacts):

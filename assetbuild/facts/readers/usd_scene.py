@@ -12,7 +12,7 @@ from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, pose_value, simulation_values
-from assetbuild.facts.table import FactCollector, Table, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -60,7 +60,7 @@ class UsdSceneReader(Reader):
         from assetbuild.facts.usd_prims import Places, Prim, opened, units_of
 
         with opened(path) as stage:
-            facts = FactCollector()
+            facts = Table()
             places = Places(units_of(stage, facts))
             for each in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
                 prim = Prim(each)
@@ -75,11 +75,11 @@ class UsdSceneReader(Reader):
                     pose, _ = places.rigid(each)
                     name = prim.named("start", facts)
                     facts.put("start", name, {"usd:initial pose": pose_value(pose)})
-            return facts.table()
+            return facts
 
     def expected(self, reference: Reference) -> Table:
         """Gravity and rate of the recipe, the robot in its initial pose on the floor."""
-        tree, control, facts = reference.tree, reference.control, FactCollector()
+        tree, control, facts = reference.tree, reference.control, Table()
         facts.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
         })  # fmt: skip
@@ -104,7 +104,7 @@ class UsdSceneReader(Reader):
             start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
         for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
             facts.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
-        return facts.table()
+        return facts
 
 
 def _simulation(prim: Prim, places: Places) -> dict[str, Value]:

@@ -9,7 +9,7 @@ from defusedxml import ElementTree
 
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import FactCollector, Key, Table
+from assetbuild.facts.table import Table, Key
 from assetbuild.facts.vocabulary import VOCABULARY
 
 SAID = {("body", "mass")}
@@ -36,14 +36,14 @@ class SdfFacts(Reader):
 
     def read(self, path: Path) -> Table:
         """Masses by link; every other element is a word of SDF."""
-        facts = FactCollector()
+        facts = Table()
         for element in ElementTree.parse(path).getroot().iter():
             if element.tag == "link":
                 mass = float(element.findtext("inertial/mass") or "nan")
                 facts.put("body", str(element.get("name")), {"mass": mass})
             elif element.tag not in ("sdf", "model", "inertial", "mass"):
                 facts.put("robot", "", {f"sdf:{element.tag}": element.text or "empty"})
-        return facts.table()
+        return facts
 
     def expected(self, reference: Reference) -> Table:
         """The robot's masses, and the recipe's `sdf`."""
