@@ -9,7 +9,8 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from assetbuild.facts.mjcf_fields import Bodies, body_name, numbers
+from assetbuild.facts.compare import EXACT, Precision
+from assetbuild.facts.mjcf_fields import Bodies, body_name, fields, numbers
 from assetbuild.facts.mjcf_parts import (
     BALL,
     JOINTS,
@@ -30,22 +31,34 @@ LOOPS = {0: "connect", 1: "weld"}
 """Kinds of loops by MuJoCo's number of the equality's type."""
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
+MESHES = Precision(
+    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
+)
+"""MuJoCo keeps vertices, texture coordinates and colours as float32."""
+
+
+def compiled_facts(
+    model: Model,
+    opaque: Collection[tuple[str, str]] = frozenset(),
+    bodies: Bodies | None = None,
+    meshes: Meshes | None = None,
+) -> Table:
+    """A compiled model as facts; the world's own geoms are left out.
+
+    opaque: (kind, name) of what no other format can say; bodies: in whose frames.
+    """
+    table, elements = read_model(model, opaque, bodies, meshes)
+    return Table({**table.facts, **fields(model, elements)})
 
 
 def read_model(
     model: Model,
-    table: Table,
     opaque: Collection[tuple[str, str]] = frozenset(),
-    *,
-    by_area: bool = False,
     bodies: Bodies | None = None,
     meshes: Meshes | None = None,
-) -> frozenset[tuple[str, str]]:
-    """Puts every fact of a compiled model into the table; the world's own geoms are left out.
-
-    opaque: (kind, name) of what no other format can say. by_area: see `Meshes`.
-    Returns the equalities and actuators that the table now holds.
-    """
+) -> tuple[Table, frozenset[tuple[str, str]]]:
+    """What the vocabulary has of a compiled model, and the equalities and actuators in it."""
+    table, meshes = Table(), meshes or Meshes(model)
     bodies = bodies or Bodies(model)
     moving = [*turning(model), *np.flatnonzero(model.jnt_type == BALL).tolist()]
     _root(model, table)
@@ -70,7 +83,6 @@ def read_model(
             elements.add(subject)
     for site in range(model.nsite):
         _site(bodies, site, table)
-    meshes = meshes or Meshes(model, by_area=by_area)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
             table.put("shape", shape_name(model, geom), _geom(bodies, geom, meshes))
@@ -83,7 +95,7 @@ def read_model(
     for key in range(model.nkey):
         read_keyframe(model, key, moving, drives.values(), table)
     table.put("simulation", "", simulation_facts(model.opt))
-    return frozenset(elements)
+    return table, frozenset(elements)
 
 
 def shape_name(model: Model, geom: int) -> str:

@@ -63,10 +63,9 @@ class Reader(Check):
     """The format's name in sentences: "the MJCF"."""
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
-    written: ClassVar[str] = ""
-    """The main file below that folder, as a glob; `{robot}` is the robot's name."""
     file_globs: ClassVar[tuple[str, ...]] = ()
-    """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
+    """The files of a bundle that it reads, as globs, the main one first; `{robot}` is the robot's
+    name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that it may read when a person names one; none: only in a bundle."""
     precision: ClassVar[Precision] = Precision()
@@ -90,7 +89,8 @@ class Reader(Check):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
-        found = sorted(root.glob(self.written.replace("{robot}", escape(robot))))
+        main = Path(self.file_globs[0]).relative_to(self.folder)
+        found = sorted(root.glob(str(main).replace("{robot}", escape(robot))))
         return found[0] if found and found[0].is_file() else None
 
     def read(self, path: Path) -> Table:

@@ -103,8 +103,8 @@ class IsaacLabReader(Reader):
     display_name: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
-    written: ClassVar[str] = "*_isaaclab_2.py"  # the module for 3.x lies beside it
-    file_globs: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py",)
+    # The module for 3.x lies beside that for 2.x.
+    file_globs: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_2.py", "python/*_isaaclab_3.py")
     recipe_sections: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("robot self-collision")
 

@@ -90,7 +90,6 @@ class MjlabReader(Reader):
     format_id: ClassVar[str] = FORM
     display_name: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
-    written: ClassVar[str] = "python/*_mjlab.py"
     file_globs: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     recipe_sections: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("simulation cone", "simulation impratio")

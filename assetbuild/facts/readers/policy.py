@@ -32,7 +32,6 @@ class PolicyFacts(Reader):
     format_id: ClassVar[str] = "policy"
     display_name: ClassVar[str] = "the policy's contract"
     folder: ClassVar[str] = "policy"
-    written: ClassVar[str] = "{robot}_contract.yaml"
     file_globs: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
     simulated: ClassVar[bool] = False
     recipe_sections: ClassVar[tuple[str, ...]] = ("policy", "imu")

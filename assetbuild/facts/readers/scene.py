@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from assetbuild.errors import StepError, UsageError
-from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import plain
+from assetbuild.facts.mjcf_model import compiled_facts
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
@@ -31,7 +31,6 @@ class SceneFacts(Reader):
     display_name: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    written: ClassVar[str] = "scene.xml"
     lacks: ClassVar[Mapping[str, str]] = dict.fromkeys(
         {kind for kind, _ in VOCABULARY} - {"floor"}, "the robot's own file says it"
     )
@@ -91,7 +90,6 @@ class SceneMjxFacts(SceneFacts):
     file_globs: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
     format_id: ClassVar[str] = "scene_mjx"
     display_name: ClassVar[str] = "the scene of the mjx model"
-    written: ClassVar[str] = "scene_mjx.xml"
 
 
 def _compiled(path: Path) -> Model:

@@ -79,8 +79,7 @@ class UrdfFacts(Reader):
     format_id: ClassVar[str] = "urdf"
     display_name: ClassVar[str] = "the URDF"
     folder: ClassVar[str] = "urdf"
-    written: ClassVar[str] = "{robot}.urdf"
-    file_globs: ClassVar[tuple[str, ...]] = ("urdf/*",)
+    file_globs: ClassVar[tuple[str, ...]] = ("urdf/{robot}.urdf", "urdf/*")
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
     simulated: ClassVar[bool] = False

@@ -55,7 +55,6 @@ class UsdReader(Reader):
     format_id: ClassVar[str] = "usd"
     display_name: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
-    written: ClassVar[str] = "{robot}.usda"
     file_globs: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
     recipe_sections: ClassVar[tuple[str, ...]] = ("usd",)

@@ -24,7 +24,6 @@ class Xrdf(Reader):
     format_id: ClassVar[str] = "xrdf"
     display_name: ClassVar[str] = "the XRDF"
     folder: ClassVar[str] = "xrdf"
-    written: ClassVar[str] = "{robot}.xrdf"
     file_globs: ClassVar[tuple[str, ...]] = ("xrdf/{robot}.xrdf",)
     lacks: ClassVar[Mapping[str, str]] = {
         kind: "stands in the URDF beside" for kind, _ in VOCABULARY

@@ -1,23 +1,25 @@
-"""What the readers of the MJCF's forms share: full, mjx and bare."""
+"""The robot's own files of `mjcf/`: the full one, the mjx model and the bare one, compiled."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
-from assetbuild.facts.mjcf_fields import Bodies, fields
-from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_model import MESHES, compiled_facts
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, pair_name
-from assetbuild.robot.model import MjcfOnly
-from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mj
+from assetbuild.facts.table import Key, Table, Value, pair_name
+from assetbuild.recipe_types import Positive
+from assetbuild.robot.model import Actuator, Contact, Control, MjcfOnly, Place, Sensor
+from assetbuild.simulators.mujoco import body_names, caught_warnings, mj
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -120,23 +122,6 @@ UNSEEN: Mapping[str, str] = {
     **dict.fromkeys(("shape rgba", "shape texture"), "one writer draws all forms"),
 }
 """Facts that the mjx and bare files are not asked for: their visual shapes are not read."""
-MESHES = Precision(
-    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
-)
-"""MuJoCo keeps vertices, texture coordinates and colours as float32."""
-
-
-def compiled_facts(
-    model: Model,
-    opaque: Opaque | None = None,
-    *,
-    by_area: bool = False,
-    bodies: Bodies | None = None,
-) -> Table:
-    """A compiled model as facts. by_area: see `measure`; bodies: in whose frames."""
-    table, known = Table(), opaque.subjects if opaque else ()
-    elements = read_model(model, table, known, by_area=by_area, bodies=bodies)
-    return Table({**table.facts, **fields(model, elements)})
 
 
 class MjcfReader(Reader):
@@ -146,7 +131,6 @@ class MjcfReader(Reader):
     precision: ClassVar[Precision] = MESHES
     folder: ClassVar[str] = "mjcf"
     lacks: ClassVar[Mapping[str, str]] = UNSEEN
-    written: ClassVar[str] = "{robot}.xml"
     solver: ClassVar[str] = ""
     """Section of the recipe that states the solver; none where the file has no options."""
     visuals: ClassVar[bool] = False
@@ -158,14 +142,14 @@ class MjcfReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Read any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, None, visuals=True)
+        return self._read(path, Opaque(), visuals=True)
 
-    def _read(self, path: Path, opaque: Opaque | None, *, visuals: bool) -> Table:
+    def _read(self, path: Path, opaque: Opaque, *, visuals: bool) -> Table:
         with caught_warnings():
             try:
                 spec = mj.MjSpec.from_file(str(path))
                 spec.compiler.discardvisual |= not visuals
-                return compiled_facts(spec.compile(), opaque)
+                return compiled_facts(spec.compile(), opaque.subjects)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses `{path}`: {text}") from None
@@ -197,3 +181,159 @@ class MjcfReader(Reader):
                 and not (key.kind == "shape" and key.name in unseen)
             )
         )
+
+
+class MjcfFacts(MjcfReader):
+    """Every fact of the robot, in `<robot>.xml`."""
+
+    own_name = "mjcf"
+    needs = ("mjcf",)
+    format_id = "mjcf"
+    display_name = "the MJCF"
+    file_globs = ("mjcf/{robot}.xml", "mjcf/assets/*")
+    suffixes = (".xml", ".mjcf")
+    recipe_sections = ("mjcf",)
+    lacks = LACKS
+    solver = "mjcf"
+    visuals = True
+
+    section = "validate"
+    equality: Positive = Field(
+        1e-9,
+        le=1e-6,
+        description="relative: any number of the MJCF, read back, against the robot's, error",
+    )
+
+    @property
+    def exactness(self) -> Precision:
+        """As the recipe has it."""
+        return Precision(
+            {**dict.fromkeys(EXACT, self.equality), "length": 1e-6}, self.precision.by_quantity
+        )
+
+
+# --- the mjx model ---
+
+
+DEFAULTS = {"iterations": 20, "ls_iterations": 50, "cone": "elliptic", "tolerance": 1e-8}
+"""Defaults of the recipe's `mjx`, for a bundle that does not state them."""
+
+
+class MjxFacts(MjcfReader):
+    """Every fact of the robot, but for contacts and solver, which the recipe's `mjx` decides."""
+
+    own_name = "mjx"
+    needs = ("mjx",)
+    format_id = "mjx"
+    display_name = "the mjx model"
+    file_globs = ("mjcf/{robot}_mjx.xml", "mjcf/assets/*")
+    recipe_sections = ("mjx",)
+    solver = "mjx"
+
+    def robot_of(self, reference: Reference) -> Reference:
+        """Only the links of `touching` collide; without self-collision only with the world."""
+        settings = {**DEFAULTS, **(reference.options.get("mjx") or {})}
+        options = {**reference.options, "mjx": settings}
+        touching, most = settings.get("touching", ".*"), settings.get("condim")
+        meets = bool(settings.get("self_collision", False))
+        shapes, control = reference.shapes, reference.control
+        gone = {s.name for s in shapes.of("collision") if not re.fullmatch(touching, s.link)}
+        kept = tuple(shape for shape in shapes.shapes if shape.name not in gone)
+
+        def cheap(contact: Contact) -> Contact:
+            changed = {"condim": min(contact.condim, most or contact.condim)}
+            return contact.model_copy(update=changed if meets else changed | {"contype": 0})
+
+        sensors = tuple(s for s in control.sensors if s.at.kind != "shape" or s.at.name not in gone)
+        only = tuple(
+            item for item in control.mjcf_only
+            if item.place != "option" and not (item.place == "shape" and item.owner in gone)
+        )  # fmt: skip
+        control = replace(
+            control,
+            contact=cheap(control.contact),
+            contacts=tuple((n, cheap(c)) for n, c in control.contacts if n not in gone),
+            excludes=control.excludes if meets else (),
+            sensors=sensors,
+            mjcf_only=only,
+        )
+        shapes = replace(shapes, shapes=kept)
+        return replace(reference, shapes=shapes, control=control, options=options)
+
+
+# --- the bare MJCF ---
+
+
+TASK_SENSORS = {
+    "imu_ang_vel": "gyro", "imu_lin_vel": "velocimeter", "imu_lin_acc": "accelerometer",
+    "imu_upvector": "framezaxis", "root_angmom": "subtreeangmom",
+}  # fmt: skip
+"""What mjlab's velocity task reads, by name, and its kind."""
+RENAMED = re.compile(r"(.*)_collision\d*")
+BROUGHT = ("actuator", "option", "size", "keyframe", "drive")
+"""Sections of a source's MJCF that mjlab's configuration brings itself."""
+
+
+class BareFacts(MjcfReader):
+    """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
+
+    own_name = "bare"
+    needs = ("mjlab",)
+    format_id = "bare"
+    display_name = "the bare MJCF"
+    folder = ""
+    file_globs = ("mjcf/{robot}_bare.xml", "mjcf/assets/*")
+    recipe_sections = ("feet", "imu")
+    lacks: ClassVar[Mapping[str, str]] = {
+        **UNSEEN,
+        "keyframe": "mjlab's configuration has the initial state",
+        "simulation": "mjlab's configuration has the options",
+    }
+
+    def robot_of(self, reference: Reference) -> Reference:
+        """The robot without what mjlab's configuration says."""
+        control = reference.control
+        drives = tuple(
+            row if row.model == "passive" else Actuator(row.joint, "passive")
+            for row in control.actuators
+        )
+        only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
+        sensors = tuple(_sensors(reference, control))
+        bare = replace(control, actuators=drives, sensors=sensors, mjcf_only=only)
+        return replace(reference, control=bare)
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """With the robot's names of collision geoms: `FR_foot` of `FR_foot_collision2`.
+
+        That mjlab finds every geom is the check `mjlab_contract`.
+        """
+        known = {shape.name for shape in reference.shapes.shapes}
+
+        def robot_name(name: str) -> str:
+            match = RENAMED.fullmatch(name)
+            return match[1] if match and name not in known else name
+
+        facts: dict[Key, Value] = {}
+        for key, value in super().found(path, reference).facts.items():
+            if key.kind == "shape":
+                key = key._replace(name=robot_name(key.name))
+            if key.kind == "sensor" and isinstance(value, str) and value.startswith("shape "):
+                value = f"shape {robot_name(value.removeprefix('shape '))}"
+            facts[key] = value
+        return Table(facts)
+
+
+def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
+    """The robot's own but for those that mjlab makes itself; those of its tasks."""
+    sensors = [
+        sensor
+        for sensor in control.sensors
+        if sensor.kind != "contact" and sensor.at.kind not in ("actuator", "tendon")
+    ]
+    yield from sensors
+    there = {sensor.name for sensor in sensors}
+    root = reference.tree.root
+    at = Place("frame", str((reference.options.get("imu") or {}).get("link") or root))
+    for name, kind in TASK_SENSORS.items():
+        if reference.tree.base == "floating" and name not in there:
+            yield Sensor(name, kind, Place("body", root) if kind.startswith("subtree") else at)
