@@ -10,8 +10,8 @@ from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision, differences
 from assetbuild.facts.reader import Lost, losses
+from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.facts.readers.urdf import UrdfFacts
-from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key, Table

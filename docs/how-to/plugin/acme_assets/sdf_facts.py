@@ -9,7 +9,7 @@ from defusedxml import ElementTree
 
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import Table, Key
+from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import VOCABULARY
 
 SAID = {("body", "mass")}
