@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.grouping import grouped
 from assetbuild.robot.pose import normalised_quat, rotation_of
 
-Item = TypeVar("Item")
 EXACT: Mapping[Comparison, float] = {
     "number": 1e-9, "vector": 1e-9, "direction": 1e-9, "pose": 1e-9, "tensor": 1e-9, "length": 1e-9
 }  # fmt: skip

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.mjcf_fields import Bodies, body_name, fields, numbers
+from assetbuild.facts.mjcf_fields import Bodies, body_name, fields, numbers, plain
 from assetbuild.facts.mjcf_parts import (
     BALL,
     JOINTS,
@@ -29,6 +29,8 @@ from assetbuild.simulators.mujoco.pairs import touching_geoms
 
 LOOPS = {0: "connect", 1: "weld"}
 """Kinds of loops by MuJoCo's number of the equality's type."""
+SURFACE = ("friction", "condim", "priority", "solref", "solimp", "margin", "gap")
+"""Quantities of a surface that may touch something, which MuJoCo calls the same."""
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
 MESHES = Precision(
@@ -292,7 +294,7 @@ def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
     if facts["contype"] or facts["conaffinity"]:
-        facts |= contact_facts(model, geom)
+        facts |= {word: plain(getattr(model, f"geom_{word}")[geom]) for word in SURFACE}
     material = int(model.geom_matid[geom])
     rgba = numbers(np.float32(model.geom_rgba[geom]))
     has_rgba = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
@@ -315,19 +317,6 @@ def _size(kind: str, half: object) -> tuple[float, ...]:
         case "cylinder" | "capsule":
             return (a, 2.0 * b)
     return (a, b, c)
-
-
-def contact_facts(model: Model, geom: int) -> dict[str, Value]:
-    """Return the facts of a surface that may touch something."""
-    return {
-        "friction": numbers(model.geom_friction[geom]),
-        "condim": float(model.geom_condim[geom]),
-        "priority": float(model.geom_priority[geom]),
-        "solref": numbers(model.geom_solref[geom]),
-        "solimp": numbers(model.geom_solimp[geom]),
-        "margin": float(model.geom_margin[geom]),
-        "gap": float(model.geom_gap[geom]),
-    }
 
 
 def _filtered(model: Model, opaque: Collection[tuple[str, str]]) -> Iterator[tuple[str, str]]:

@@ -19,11 +19,11 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
+    Camera,
     Contact,
     Control,
     Inertial,
     Joint,
-    Keyframe,
     Loop,
     Mimic,
     Sensor,
@@ -32,6 +32,8 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import Mesh, Shape, Shapes, sizes_of
 
+DRIVE = ("model", "kp", "kd", "damping", "friction", "armature", "effort", "velocity")
+"""Quantities that a row of the actuator table has by the same names."""
 TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
 
 
@@ -53,6 +55,12 @@ class Assets:
         """The surface in a mesh file by the digest of its bytes: a copy needs no second reading."""
         surfaces = dict(self.surfaces)
         return {digest: surfaces[name] for name, digest in self.files if name in surfaces}
+
+
+PARTS: Mapping[str, type] = {
+    "links": Tree, "tree": Tree, "shapes": Shapes, "control": Control, "assets": Assets,
+}  # fmt: skip
+"""Parts of `report/robot.json` beside the options of the recipe."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +93,8 @@ class Reference:
 
     def to_json(self) -> str:
         """`report/robot.json`."""
-        parts: dict[str, object] = {
-            "links": self.links, "tree": self.tree, "shapes": self.shapes,
-            "control": self.control, "assets": replace(self.assets, files=()),
-        }  # fmt: skip
-        plain = {name: json.loads(encode(part)) for name, part in parts.items()}
+        kept = replace(self, assets=replace(self.assets, files=()))
+        plain = {name: json.loads(encode(getattr(kept, name))) for name in PARTS}
         plain["options"] = self.options
         # Not sorted: where a section maps patterns to ranges, the first that matches wins.
         return json.dumps(plain, separators=(",", ":")) + "\n"
@@ -100,12 +105,10 @@ class Reference:
         file = bundle / "report" / "robot.json"
         try:
             raw = json.loads(file.read_bytes(), object_hook=_with_new_keys)
-            parts = {name: json.dumps(raw[name]).encode() for name in raw if name != "options"}
-            read = cls(
-                decode(Tree, parts["links"]), decode(Tree, parts["tree"]),
-                decode(Shapes, parts["shapes"]), decode(Control, parts["control"]),
-                decode(Assets, parts["assets"]), dict(raw["options"]),
-            )  # fmt: skip
+            parts: dict[str, Any] = {  # Any: of these kinds
+                name: decode(kind, json.dumps(raw[name]).encode()) for name, kind in PARTS.items()
+            }
+            read = cls(**parts, options=dict(raw["options"]))
             read.look_up_names()
             return read
         except (FileNotFoundError, NotADirectoryError):
@@ -172,9 +175,15 @@ def robot_table(reference: Reference, *, merged: bool = True) -> Table:
     _shapes(tree, reference, table)
     for first, second in filtered_pairs(tree, reference.shapes, reference.control):
         table.put("pair", pair_name(first, second), {"filtered": True})
-    _senses(tree, reference.control, table)
+    for sensor in reference.control.sensors:
+        table.put("sensor", sensor.name, sensor_facts(sensor))
+    for camera in reference.control.cameras:
+        table.put("camera", camera.name, camera_facts(camera, tree))
     for key in reference.control.keyframes:
-        _keyframe(key, tree, table)
+        if key.base is not None and tree.base == "floating":
+            table.put("keyframe", key.name, {"base pose": pose_value(key.base)})
+        for name, position in key.joints:
+            table.put("keyframe", f"{key.name}/{name}", {"position": position})
     table.put("simulation", "", simulation_values(reference.control))
     return table
 
@@ -245,11 +254,8 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
         joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0,
         effort=joint.limits.effort, velocity=joint.limits.velocity,
     )  # fmt: skip
-    facts: dict[str, Value] = {
-        "model": row.model, "kp": row.kp, "kd": row.kd, "damping": row.damping,
-        "friction": row.friction, "armature": row.armature, "effort": row.effort,
-        "velocity": row.velocity, "command range": row.ctrl,
-    }  # fmt: skip
+    facts: dict[str, Value] = {word: getattr(row, word) for word in DRIVE}
+    facts["command range"] = row.ctrl
     if row.model == "dc_motor":
         facts["stall"] = row.saturation
     if row.gear != 1.0:
@@ -332,25 +338,7 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
             yield first, second
 
 
-# --- sensors, cameras, poses ----------------------------------------------------------------
-
-
-def _senses(tree: Tree, control: Control, table: Table) -> None:
-    for sensor in control.sensors:
-        table.put("sensor", sensor.name, sensor_facts(sensor))
-    for camera in control.cameras:
-        body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
-        table.put(
-            "camera",
-            camera.name,
-            {
-                "body": body,
-                "pose": pose_value(pose @ camera.X_link_camera),
-                "field of view": camera.fovy,
-                "resolution": tuple(float(n) for n in camera.resolution),
-                "tracking": camera.tracking,
-            },
-        )
+# --- sensors and cameras ----------------------------------------------------------------
 
 
 def sensor_facts(sensor: Sensor) -> dict[str, Value]:
@@ -365,8 +353,13 @@ def sensor_facts(sensor: Sensor) -> dict[str, Value]:
     }
 
 
-def _keyframe(key: Keyframe, tree: Tree, table: Table) -> None:
-    if key.base is not None and tree.base == "floating":
-        table.put("keyframe", key.name, {"base pose": pose_value(key.base)})
-    for joint, value in key.joints:
-        table.put("keyframe", f"{key.name}/{joint}", {"position": value})
+def camera_facts(camera: Camera, tree: Tree) -> dict[str, Value]:
+    """Return where a camera is and what it sees; one that no link carries stands in the world."""
+    body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
+    return {
+        "body": body,
+        "pose": pose_value(pose @ camera.X_link_camera),
+        "field of view": camera.fovy,
+        "resolution": tuple(float(n) for n in camera.resolution),
+        "tracking": camera.tracking,
+    }

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.draws import FACTORS, SHEARS, drawn, varied
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import (
@@ -26,10 +25,13 @@ from assetbuild.facts.standins import (
 )
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.trainers import (
+    FACTORS,
     LOOPS,
+    SHEARS,
     Names,
     Term,
     delay_s,
+    drawn,
     left_to_the_asset,
     matching,
     number_of,
@@ -37,6 +39,7 @@ from assetbuild.facts.trainers import (
     put_expected_start,
     put_start,
     put_terms,
+    varied,
 )
 from assetbuild.robot.model import Actuator
 from assetbuild.simulators.mujoco import body_names
