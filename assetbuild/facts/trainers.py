@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.derived import first_match, per_axis, start_of
+from assetbuild.facts.reader import all_but
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
+from assetbuild.facts.vocabulary import MUJOCO_OPTIONS
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose
 
@@ -55,9 +56,8 @@ def left_to_the_asset(*besides: str) -> dict[str, str]:
     one trainer's module states as well.
     """
     reason = "stands in the MJCF or USD that the module loads, or is the trainer's own"
-    rows = [f"{kind} {name}" for kind, name in VOCABULARY if kind != "simulation"]
-    rows += MUJOCO_OPTIONS
-    return {row: reason for row in rows if row not in STATED and row not in besides}
+    others = all_but(("simulation", *STATED, *besides), reason)
+    return others | {row: reason for row in MUJOCO_OPTIONS if row not in besides}
 
 
 def own_names(table: object) -> Names:

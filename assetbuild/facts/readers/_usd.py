@@ -12,10 +12,10 @@ import numpy as np
 
 from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.derived import start_of
-from assetbuild.facts.reader import Lost, Reader
+from assetbuild.facts.reader import Lost, Reader, all_but
 from assetbuild.facts.reference import Reference, pose_value, robot_table, simulation_values
 from assetbuild.facts.table import Table, Value
-from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
+from assetbuild.facts.vocabulary import MUJOCO_OPTIONS
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -135,10 +135,9 @@ class UsdSceneReader(Reader):
     file_globs: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
     precision: ClassVar[Precision] = Precision(FLOAT32)
     lacks: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(
-            {f"{kind} {name}" if kind == "robot" else kind for kind, name in VOCABULARY}
-            - {"robot up axis", "robot metres per unit", "robot kilograms per unit"}
-            - {"simulation", "floor"},
+        **all_but(
+            ("robot up axis", "robot metres per unit", "robot kilograms per unit", "simulation",
+             "floor"),
             "the scene refers to the robot's own file, which is compared by itself",
         ),
         "simulation decimation": "the trainers' modules say it",

@@ -9,10 +9,9 @@ from typing import ClassVar
 
 from assetbuild.facts.derived import start_of
 from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table, Value
-from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.model import Tree
 
 COLUMNS = {
@@ -20,9 +19,6 @@ COLUMNS = {
     "kd": "kd", "effort": "effort", "velocity": "velocity", "armature": "armature",
 }  # fmt: skip
 """Lists in the order of `joints` -> the vocabulary's quantities."""
-HELD = {f"joint {name}" for name in COLUMNS.values()} | {
-    "simulation timestep", "simulation decimation", "robot base",
-}  # fmt: skip
 
 
 class PolicyFacts(Reader):
@@ -35,11 +31,11 @@ class PolicyFacts(Reader):
     file_globs: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
     simulated: ClassVar[bool] = False
     recipe_sections: ClassVar[tuple[str, ...]] = ("policy", "imu")
-    lacks: ClassVar[Mapping[str, str]] = {
-        f"{kind} {name}": "stands in the MJCF, USD or URDF beside it"
-        for kind, name in VOCABULARY
-        if f"{kind} {name}" not in HELD
-    }
+    lacks: ClassVar[Mapping[str, str]] = all_but(
+        (*(f"joint {name}" for name in COLUMNS.values()),
+         "simulation timestep", "simulation decimation", "robot base"),
+        "stands in the MJCF, USD or URDF beside it",
+    )  # fmt: skip
 
     def read(self, path: Path) -> Table:
         """UsageError for what is no YAML; LookupError, TypeError or ValueError for another file."""

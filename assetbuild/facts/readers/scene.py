@@ -11,10 +11,9 @@ import numpy as np
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.mjcf_fields import plain
 from assetbuild.facts.mjcf_model import compiled_facts
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
-from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.floor import brings_floor, floor_of, starting_origins
 from assetbuild.robot.pose import rotation_of
 from assetbuild.simulators.mujoco import Model, floors, load
@@ -31,9 +30,7 @@ class SceneFacts(Reader):
     display_name: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    lacks: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        {kind for kind, _ in VOCABULARY} - {"floor"}, "the robot's own file says it"
-    )
+    lacks: ClassVar[Mapping[str, str]] = all_but(["floor"], "the robot's own file says it")
 
     def read(self, path: Path) -> Table:
         """The floor, other shapes of the world, and what the robot's own file says otherwise."""

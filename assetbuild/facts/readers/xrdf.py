@@ -9,10 +9,9 @@ from typing import ClassVar
 
 from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
-from assetbuild.facts.vocabulary import VOCABULARY
 
 LIMITS = ("acceleration", "jerk")
 
@@ -25,9 +24,7 @@ class Xrdf(Reader):
     display_name: ClassVar[str] = "the XRDF"
     folder: ClassVar[str] = "xrdf"
     file_globs: ClassVar[tuple[str, ...]] = ("xrdf/{robot}.xrdf",)
-    lacks: ClassVar[Mapping[str, str]] = {
-        kind: "stands in the URDF beside" for kind, _ in VOCABULARY
-    }
+    lacks: ClassVar[Mapping[str, str]] = all_but((), "stands in the URDF beside")
     recipe_sections: ClassVar[tuple[str, ...]] = ("xrdf",)
 
     def read(self, path: Path) -> Table:

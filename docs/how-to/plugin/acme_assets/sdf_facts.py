@@ -7,12 +7,9 @@ from typing import ClassVar
 
 from defusedxml import ElementTree
 
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
-from assetbuild.facts.vocabulary import VOCABULARY
-
-SAID = {("body", "mass")}
 
 
 class SdfFacts(Reader):
@@ -22,17 +19,9 @@ class SdfFacts(Reader):
     format_id: ClassVar = "sdf"
     display_name: ClassVar = "the SDF"
     folder: ClassVar = "sdf"
-    file_globs: ClassVar = ("sdf/*",)
+    file_globs: ClassVar = ("sdf/{robot}.sdf",)
     recipe_sections: ClassVar = ("sdf",)
-    lacks: ClassVar = {
-        f"{kind} {name}": "our SDF holds masses alone"
-        for kind, name in VOCABULARY
-        if (kind, name) not in SAID
-    }
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Every robot has one."""
-        return root / f"{robot}.sdf"
+    lacks: ClassVar = all_but(["body mass"], "our SDF holds masses alone")
 
     def read(self, path: Path) -> Table:
         """Masses by link; every other element is a word of SDF."""
