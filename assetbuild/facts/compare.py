@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from assetbuild.errors import quoted
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Comparison, Quantity, Rank, Required
 from assetbuild.findings import Finding, Rule, Scalar
@@ -338,11 +339,7 @@ def _sentence(one: Difference, subject: str, model: str) -> str:
 def so_for(names: Iterable[str]) -> str:
     """`; so for `b`, `c` and 2 more`, of names whose first is the subject."""
     others = list(names)[1:]
-    if not others:
-        return ""
-    listed = ", ".join(f"`{name}`" for name in others[: NAMED - 1])
-    rest = len(others) - (NAMED - 1)
-    return f"; so for {listed}" + (f" and {rest} more" if rest > 0 else "")
+    return f"; so for {quoted(others, NAMED - 1, ' and {} more')}" if others else ""
 
 
 def slug(text: str) -> str:

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from assetbuild.facts._standins_child import ARGUMENTS
 from assetbuild.facts.derived import first_match, per_axis, start_of
 from assetbuild.facts.reader import all_but
 from assetbuild.facts.reference import Reference, pose_value
-from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
+from assetbuild.facts.standins import Record, class_of, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import MUJOCO_OPTIONS
 from assetbuild.robot.model import Actuator

@@ -14,7 +14,7 @@ import numpy as np
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value
-from assetbuild.facts.usd_prims import Places, Prim, pose_of
+from assetbuild.facts.usd_prims import AXES, Places, Prim, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
 TYPES = {
@@ -27,7 +27,6 @@ TYPES = {
 MOVING = ("rotary", "linear")
 COUPLED = math.radians(1e8)
 """Stands for no limit of a hinge: PhysX couples two angles only within limits."""
-AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 BRAKES: Mapping[str, tuple[str, ...]] = {
     "armature": ("physxJointAxis:armature", "physxJoint:armature", "newton:armature"),
     "friction": ("physxJointAxis:staticFrictionEffort", "physxJoint:jointFriction",

@@ -18,6 +18,7 @@ from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, normalised_quat, 
 
 RIGID = 1e-9
 """Scales nearer to 1 than this are rounding."""
+AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 UNLIMITED = 1e30
 """PhysX takes numbers beyond for infinite."""
 

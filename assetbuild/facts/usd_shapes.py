@@ -15,10 +15,9 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface, measure, pixel_digest
 from assetbuild.facts.table import Table, Value, pair_name
-from assetbuild.facts.usd_prims import Places, Prim, Units, rigid
+from assetbuild.facts.usd_prims import AXES, Places, Prim, Units, rigid
 from assetbuild.robot.pose import Array, Pose, quat_between
 
-AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 CONTACT: Mapping[str, tuple[float, ...]] = {
     "condim": (3.0,),
     "priority": (0.0,),
@@ -131,8 +130,8 @@ def _geometry(
         placed = corners @ within[:3, :3].T + within[:3, 3]
         return {"geometry": "mesh"} | measure(placed, uv).facts()
     token = prim.text("axis") or "Z"
-    if token in AXES:
-        pose = pose @ Pose(quat=quat_between((0.0, 0.0, 1.0), AXES[token]))
+    if token in ("X", "Y"):
+        pose = pose @ Pose(quat=quat_between(AXES["Z"], AXES[token]))
     kind = {"Cube": "box"}.get(prim.type, prim.type.lower())
     size = _size(prim, np.abs(scale) * places.units.metre, "XYZ".find(token))
     return {"geometry": kind, "pose": pose_value(pose), "size": tuple(map(float, size))}

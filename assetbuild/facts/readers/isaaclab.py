@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from assetbuild.errors import UsageError
+from assetbuild.facts._standins_child import LINE
 from assetbuild.facts.derived import free_springs
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.standins import LINE, Record, class_of, recorded, table_of, words_of
+from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.trainers import (
     LOOPS,

@@ -12,17 +12,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar
 
+from assetbuild.facts._standins_child import ARGUMENTS, LINE
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.standins import (
-    ARGUMENTS,
-    LINE,
-    Record,
-    class_of,
-    recorded,
-    table_of,
-    words_of,
-)
+from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.trainers import (
     FACTORS,

@@ -42,20 +42,16 @@ LACKS: Mapping[str, str] = {
     "joint armature": _DRIVE,
     "joint stiffness": _SPRING,
     "joint spring reference": _SPRING,
-    **{
-        f"joint {name}": _DRIVE
-        for name in (
-            "model", "kp", "kd", "gear", "stall", "command range", "drive parameters",
-            "drive name", "delay", "start", "drive target",
-        )
-    },
-    **{
-        f"shape {name}": _CONTACT
-        for name in (
-            "friction", "condim", "priority", "solref", "solimp", "margin", "gap", "contype",
-            "conaffinity", "collides", "restitution",
-        )
-    },
+    **dict.fromkeys(
+        ("joint model", "joint kp", "joint kd", "joint gear", "joint stall", "joint command range",
+         "joint drive parameters", "joint drive name", "joint delay", "joint start",
+         "joint drive target"), _DRIVE,
+    ),
+    **dict.fromkeys(
+        ("shape friction", "shape condim", "shape priority", "shape solref", "shape solimp",
+         "shape margin", "shape gap", "shape contype", "shape conaffinity", "shape collides",
+         "shape restitution"), _CONTACT,
+    ),
     "loop": "URDF has trees alone; the finding `urdf.loop` says so",
     "pair": Lost("URDF has no list of pairs; SRDF has"),
     "sensor": Lost("URDF has no sensors"),
