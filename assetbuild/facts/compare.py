@@ -176,18 +176,9 @@ def differences(before: Table, after: Table, precision: Precision) -> list[Diffe
 
 def _absent(here: Table, there: Table) -> list[tuple[str, str]]:
     """Subjects of one table that the other lacks though such a subject states something always."""
-    known = {(key.kind, key.name) for key in there.facts}
-    lost = dict.fromkeys(
-        (key.kind, key.name)
-        for key in here.facts
-        if (key.kind, key.name) not in known and _is_required(key)
-    )
-    return list(lost)
-
-
-def _is_required(key: Key) -> bool:
-    quantity = VOCABULARY.get((key.kind, key.quantity))
-    return quantity is not None and isinstance(quantity.unstated, Required)
+    known = {key[:2] for key in there.facts}
+    lost = (key for key in here.facts if key[:2] not in known)
+    return [*dict.fromkeys(key[:2] for key in lost if isinstance(_value(there, key), Required))]
 
 
 def _value(table: Table, key: Key) -> Value | Required:

@@ -63,7 +63,10 @@ def read_model(
     table, meshes = Table(), meshes or Meshes(model)
     bodies = bodies or Bodies(model)
     moving = [*turning(model), *np.flatnonzero(model.jnt_type == BALL).tolist()]
-    _root(model, table)
+    table.put("robot", "", {"base": "floating" if floats(model) else "fixed"})
+    if not floats(model) and model.nbody > 1:
+        pose = pose_of(model.body_pos[1], model.body_quat[1])
+        table.put("robot", "", {"base pose": (*pose.xyz, *pose.quat)})
     for body in range(1, model.nbody):
         table.put("body", name_of(model, "body", body), _body(model, body))
     for joint in moving:
@@ -108,14 +111,6 @@ def shape_name(model: Model, geom: int) -> str:
 
 
 # --- bodies and joints ----------------------------------------------------------------------
-
-
-def _root(model: Model, table: Table) -> None:
-    facts: dict[str, Value] = {"base": "floating" if floats(model) else "fixed"}
-    if not floats(model) and model.nbody > 1:
-        pose = pose_of(model.body_pos[1], model.body_quat[1])
-        facts["base pose"] = (*pose.xyz, *pose.quat)
-    table.put("robot", "", facts)
 
 
 def _body(model: Model, body: int) -> dict[str, Value]:

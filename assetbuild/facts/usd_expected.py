@@ -64,7 +64,9 @@ def usd_table(robot_facts: Table, reference: Reference) -> Table:
     table.facts |= robot_facts.facts
     table.put("robot", "", _root(reference))
     root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
-    table.put(*root, _articulation(reference))
+    solver = solver_of(reference).items()
+    table.put(*root, {f"usd:physxArticulation:{SOLVER[key][0]}": v for key, v in solver})
+    table.put(*root, {"usd:newton:selfCollisionEnabled": touches_itself(reference)})
     _bodies(reference, table)
     _joints(reference, options, table)
     for loop in control.loops:  # a `connect` is a weld that leaves the turn free
@@ -121,6 +123,8 @@ def _root(reference: Reference) -> dict[str, Value]:
     tree = reference.tree
     fixed = tree.base == "fixed"
     joints: Value = (*((WORLD_JOINT,) if fixed else ()), *tree.by_joint)
+    frames = grouped(tree.frames, lambda frame: frame.body)  # each body has its own behind it
+    links = [(b.name, *(f.name for f in frames.get(b.name, ()))) for b in tree.bodies]
     held: dict[str, Value] = {
         "usd:world joint holds": tree.root,
         "usd:world joint pose": pose_value(tree.X_world_root),
@@ -136,24 +140,9 @@ def _root(reference: Reference) -> dict[str, Value]:
         "usd:kind": "component",
         "usd:mass": total_mass(tree),
         "usd:rigid_body_count": len(tree.bodies),
-        "usd:isaac:robotLinks": tuple(_links_and_sites(tree)),
+        "usd:isaac:robotLinks": sum(links, ()),
         **({"usd:isaac:robotJoints": joints} if joints else {}),
         **(held if fixed else {}),
-    }
-
-
-def _links_and_sites(tree: Tree) -> Iterator[str]:
-    """Each body, followed by the frames on it."""
-    for body in tree.bodies:
-        yield body.name
-        yield from (frame.name for frame in tree.frames if frame.body == body.name)
-
-
-def _articulation(reference: Reference) -> dict[str, Value]:
-    solver = solver_of(reference)
-    return {
-        "usd:newton:selfCollisionEnabled": touches_itself(reference),
-        **{f"usd:physxArticulation:{SOLVER[key][0]}": value for key, value in solver.items()},
     }
 
 

@@ -122,7 +122,11 @@ def _value_row(one: object, other: object, place: _Place, line: int) -> Row:
 def same(one: object, other: object) -> bool:
     """Whether two values are the same, numbers but for their last digits."""
     if isinstance(one, str) and isinstance(other, str):
-        return one == other or (isinstance(one, Words) and _same_words(one, Words(other)))
+        if one == other or not isinstance(one, Words):
+            return one == other
+        ours, theirs = one.numbers, Words(other).numbers
+        is_text = ours is None or theirs is None
+        return one.split() == other.split() if is_text else same(ours, theirs)
     if not (_is_numeric(one) and _is_numeric(other)):
         return type(one) is type(other) and bool(one == other)
     a, b = np.asarray(one), np.asarray(other)
@@ -130,11 +134,6 @@ def same(one: object, other: object) -> bool:
         return bool(np.array_equal(a, b))
     tolerance = SINGLE if a.dtype.itemsize < 8 else DOUBLE
     return bool(np.allclose(b, a, rtol=tolerance, atol=ZERO, equal_nan=True))
-
-
-def _same_words(one: Words, other: Words) -> bool:
-    a, b = one.numbers, other.numbers
-    return one.split() == other.split() if a is None or b is None else same(a, b)
 
 
 def _is_numeric(value: object) -> bool:
