@@ -13,6 +13,7 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Table, Value, pair_name
+from assetbuild.grouping import grouped
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
@@ -320,22 +321,21 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
     their masks never meet. `robot.contact_filter` defines that rule for readers and writers; the
     proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks.
     """
-    contacts = dict(control.contacts)
-    solid: dict[str, list[Contact]] = {}
-    for shape in shapes.of("collision"):
-        name = tree.placement(shape.link)[0]
-        solid.setdefault(name, []).append(contacts.get(shape.name, control.contact))
-    rule = ContactFilter.of(tree, shapes, control)
+    solid = grouped(shapes.of("collision"), lambda shape: tree.placement(shape.link)[0])
+    rule, contacts = ContactFilter.of(tree, shapes, control), dict(control.contacts)
     excluded = {frozenset(pair) for pair in control.excludes}
     for first, second in itertools.combinations(sorted(solid), 2):
-        meets = any(
-            one.contype & two.conaffinity or two.contype & one.conaffinity
-            for one in solid[first]
-            for two in solid[second]
-        )
+        surfaces = ([contacts.get(shape.name, control.contact) for shape in solid[body]]
+                    for body in (first, second))  # fmt: skip
+        meets = any(itertools.starmap(masks_meet, itertools.product(*surfaces)))
         is_excluded = frozenset((first, second)) in excluded
         if is_excluded or rule.passes(first, second) or not meets:
             yield first, second
+
+
+def masks_meet(one: Contact, other: Contact) -> bool:
+    """Whether MuJoCo's masks let two surfaces touch."""
+    return bool(one.contype & other.conaffinity or other.contype & one.conaffinity)
 
 
 # --- sensors and cameras ----------------------------------------------------------------

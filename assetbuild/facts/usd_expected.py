@@ -20,7 +20,13 @@ from assetbuild.facts.derived import (
     start_of,
     weightless,
 )
-from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
+from assetbuild.facts.reference import (
+    Reference,
+    filtered_pairs,
+    masks_meet,
+    mimic_facts,
+    pose_value,
+)
 from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.grouping import grouped
 from assetbuild.robot.inertia import total_mass
@@ -268,6 +274,5 @@ def _shape_pairs(reference: Reference) -> Iterator[tuple[str, str]]:
         for a, b in itertools.product(solid[one], solid[two]):
             first, second = (contacts.get(shape.name, control.contact) for shape in (a, b))
             touch = all(s.contype or s.conaffinity for s in (first, second))
-            meet = first.contype & second.conaffinity or second.contype & first.conaffinity
-            if touch and not meet:
+            if touch and not masks_meet(first, second):
                 yield a.name, b.name

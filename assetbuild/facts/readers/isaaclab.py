@@ -14,28 +14,14 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from assetbuild.errors import UsageError
+from assetbuild.facts import trainers
 from assetbuild.facts._standins_child import LINE
 from assetbuild.facts.derived import free_springs
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.facts.trainers import (
-    LOOPS,
-    OF_MATTER,
-    Names,
-    Term,
-    delay_s,
-    drawn,
-    left_to_the_asset,
-    matching,
-    number_of,
-    own_names,
-    put_expected_start,
-    put_start,
-    put_terms,
-    varied,
-)
+from assetbuild.facts.trainers import LOOPS, Names, Term
 from assetbuild.facts.usd_expected import rigid_of, solver_of, touches_itself
 from assetbuild.robot.model import Actuator
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
@@ -119,9 +105,9 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
     patterns = [pattern for _, drive_patterns in drives_of(config) for pattern in drive_patterns]
     start, names = table_of(config.get("init_state")), {name: name for name in joints or patterns}
     for drive, drive_patterns in drives_of(config):
-        for joint in matching(drive_patterns, names) if joints else drive_patterns:
+        for joint in trainers.matching(drive_patterns, names) if joints else drive_patterns:
             facts.put("joint", joint, drive_facts(drive, joint, FOREIGN))
-    put_start(start, quat_of(start, _generation(record, config)), FORM, names, facts)
+    trainers.put_start(start, quat_of(start, _generation(record, config)), FORM, names, facts)
     return facts
 
 
@@ -136,7 +122,7 @@ def drive_facts(drive: Record, joint: str, fields: Mapping[str, str]) -> dict[st
     """What it states as numbers, and its model. fields: of a drive -> quantities."""
     quantities: dict[str, Value] = {}
     for field, quantity in fields.items():
-        number = number_of(drive.get(field), joint)
+        number = trainers.number_of(drive.get(field), joint)
         if number is not None:
             quantities.setdefault(quantity, number)
     # A gain that does not stand here is some gain.
@@ -189,7 +175,7 @@ TERMS: Mapping[str, Term] = {
 SCALES = ("kp", "kd", "friction", "armature")
 """What its terms scale of every joint."""
 NOT_DRAWN = (
-    *OF_MATTER[4:], "payload mass", "payload box", "effort", "damping", "encoder bias",
+    *trainers.OF_MATTER[4:], "payload mass", "payload box", "effort", "damping", "encoder bias",
     "surface friction",
 )  # fmt: skip
 """What they cannot draw; friction of surfaces they draw in two words."""
@@ -205,7 +191,7 @@ class IsaacLabReader(Reader):
     # The module for 3.x lies beside that for 2.x.
     file_globs: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_2.py", "python/*_isaaclab_3.py")
     recipe_sections: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
-    lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("robot self-collision")
+    lacks: ClassVar[Mapping[str, str]] = trainers.left_to_the_asset("robot self-collision")
 
     def read(self, path: Path) -> Table:
         """The facts of both modules, by the names that they write out."""
@@ -226,7 +212,7 @@ class IsaacLabReader(Reader):
         def is_stated(key: Key) -> bool:
             return self.holds(key) and (key.kind != "joint" or key.name in driven)
 
-        draws = drawn(reference, lambda _, word: word in SCALES, NOT_DRAWN)
+        draws = trainers.drawn(reference, lambda _, word: word in SCALES, NOT_DRAWN)
         facts = robot_table(reference).only(is_stated) | draws
         return _both({n: facts | _besides(reference, self.robot, n) for n in GENERATIONS})
 
@@ -248,21 +234,21 @@ def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> 
     record, facts = recorded(path), Table()
     config = next(iter(configs_of(record, path).values()))
     start = table_of(config.get("init_state"))
-    joints = joints or own_names(start.get("joint_pos"))
+    joints = joints or trainers.own_names(start.get("joint_pos"))
     simulation = table_of(record["SIMULATION_CFG"])
     timestep = simulation["dt"]
     steps = {"timestep": timestep, "decimation": simulation["render_interval"]}
     facts.put("simulation", "", {**steps, "gravity": tuple(simulation["gravity"])})
     newton = table_of(table_of(record.get("NEWTON_CFG")).get("solver_cfg"))
     facts.put("robot", "", {f"{FORM}:integrator": newton.get("integrator")})
-    put_start(start, quat_of(start, generation), FORM, joints, facts)
+    trainers.put_start(start, quat_of(start, generation), FORM, joints, facts)
     facts.put("robot", "", {"soft limits": config.get("soft_joint_pos_limit_factor")})
     facts.put("robot", "", dict(_spawn(table_of(config.get("spawn")))))
     for group, patterns in drives_of(config):
-        for joint in matching(patterns, joints):
+        for joint in trainers.matching(patterns, joints):
             facts.put("joint", joint, _drive(group, joint, generation, timestep))
             facts.place("joint", joint, f"{path.name}:{group.get(LINE)}")
-    put_terms(record.get("EventCfg"), TERMS, bodies, joints, facts)
+    trainers.put_terms(record.get("EventCfg"), TERMS, bodies, joints, facts)
     return facts.plain()
 
 
@@ -286,7 +272,7 @@ def _drive(
     effort, (velocity, *others) = LIMITS[generation, class_of(group) == IMPLICIT]
     fields = FIELDS | {effort: "effort", velocity: "velocity"} | {o: f"{FORM}:{o}" for o in others}
     steps = (group.get("min_delay", 0), group.get("max_delay", 0))
-    return drive_facts(group, joint, fields) | {"delay": delay_s(steps, timestep_s)}
+    return drive_facts(group, joint, fields) | {"delay": trainers.delay_s(steps, timestep_s)}
 
 
 # --- what the robot says ----------------------------------------------------------------------
@@ -297,7 +283,7 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     facts, asked = Table(), reference.options.get("isaaclab") or {}
     clearance = asked.get("clearance", CLEARANCE_M) if reference.tree.base == "floating" else 0.0
     soft = asked.get("soft_joint_pos_limit_factor", 1.0)
-    put_expected_start(reference, FORM, soft, clearance, facts)
+    trainers.put_expected_start(reference, FORM, soft, clearance, facts)
     words = dict(_solving(reference, generation))
     asset = (f"/bundle/usd/{robot}.usda", asked.get("contact_sensors", True))
     words |= dict(zip(SPAWN, (*asset, "{'Physics': 'physics'}"), strict=True))
@@ -307,9 +293,9 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     for row in reference.control.actuators:
         if row.joint in springs:  # an implicit drive that aims at the spring's rest
             row = replace(row, kp=springs[row.joint][0])
-        ranges = varied(reference, "joints", row.joint) or {}
+        ranges = trainers.varied(reference, "joints", row.joint) or {}
         steps = ranges.get("delay", (0, 0)) if row.model == "ideal_pd" else (0, 0)
-        delay: dict[str, Value] = {"delay": delay_s(steps, timestep)}
+        delay: dict[str, Value] = {"delay": trainers.delay_s(steps, timestep)}
         facts.put("joint", row.joint, delay | _isaac_drive(row, generation))
     recipe, slide = reference.options.get("randomize") or {}, reference.control.contact.friction[0]
     if recipe.get("friction") is not None or recipe.get("restitution") is not None:
