@@ -55,10 +55,9 @@ class PolicyFacts(Reader):
             for name, place in zip(names, places, strict=False):
                 table.put("joint", name, {f"policy:from {engine}": float(place)})
         table.put("simulation", "", {key: policy[key] for key in ("timestep", "decimation")})
-        table.put("robot", "", {"base": policy["base"]["kind"]})
-        table.put(
-            "robot", "", {f"policy:base {word}": policy["base"][word] for word in ("link", "imu")}
-        )
+        base = policy["base"]
+        words = {f"policy:base {word}": base[word] for word in ("link", "imu")}
+        table.put("robot", "", {"base": base["kind"], **words})
         return table.plain()
 
     def expected(self, reference: Reference) -> Table:
