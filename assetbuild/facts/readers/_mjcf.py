@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -33,19 +33,17 @@ KINDS = {"geom": "shape", "site": "frame", "pair": "contact pair", "camera": "ca
 SECTIONS = frozenset({"contact", "equality", "tendon", "actuator", "sensor"})
 UNNAMED = re.compile(r"(geom|site|camera|pair|equality|tendon|actuator|sensor) \d+")
 MEANS: Mapping[str, tuple[str, ...]] = {
-    "ctrlrange": ("command range",), "inheritrange": ("command range",),
-    "ctrllimited": ("command range",), "resolution": ("resolution",),
-    "polycoef": ("mimic multiplier", "mimic offset"),
+    **dict.fromkeys(("ctrlrange", "inheritrange", "ctrllimited"), ("command range",)),
+    "polycoef": ("mimic multiplier", "mimic offset"), "frictionloss": ("friction",),
     "stiffness": ("stiffness", "spring reference"), "springref": ("spring reference",),
-    "damping": ("damping",), "frictionloss": ("friction",), "armature": ("armature",),
-    "range": ("lower", "upper"), "group": ("role",), "rgba": ("rgba",), "mode": ("tracking",),
-    "gear": ("gear", "kp", "kd", "effort"), "pos": ("pose",), "quat": ("pose",),
+    "range": ("lower", "upper"), "group": ("role",), "mode": ("tracking",), "pos": ("pose",),
+    "quat": ("pose",), "gear": ("gear", "kp", "kd", "effort"),
     "ls_iterations": ("line search iterations",),
 }  # fmt: skip
 """Attribute that only MJCF says -> quantities of its owner, where they are not called as it is."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Opaque:
     """What only the source's MJCF says of a robot, which the check `mjcf_source` proves.
 
@@ -53,9 +51,9 @@ class Opaque:
     touched: quantities that these attributes change.
     """
 
-    subjects: frozenset[tuple[str, str]] = frozenset()
-    owners: frozenset[tuple[str, str]] = frozenset()
-    touched: frozenset[Key] = frozenset()
+    subjects: set[tuple[str, str]] = field(default_factory=set)
+    owners: set[tuple[str, str]] = field(default_factory=set)
+    touched: set[Key] = field(default_factory=set)
 
     def says(self, key: Key) -> bool:
         """Whether the source's MJCF says this rather than the robot."""
@@ -69,25 +67,24 @@ def opaque_of(reference: Reference) -> Opaque:
     """What `MjcfOnly` of the robot says."""
     from defusedxml.ElementTree import fromstring
 
-    subjects, owners, touched = set[tuple[str, str]](), set[tuple[str, str]](), set[Key]()
-    control, names = reference.control, body_names(reference.tree)
+    opaque, control, names = Opaque(), reference.control, body_names(reference.tree)
     for item in control.mjcf_only:
         element = fromstring(item.element)
         if item.place in SECTIONS or (item.place == "body" and element.tag != "body"):
-            subjects.add(_subject(item, element, names))
+            opaque.subjects.add(_subject(item, element, names))
         elif item.place == "keyframe":
-            touched |= {
-                Key("keyframe", f"{item.owner}/{row.joint}", "target") for row in control.actuators
-            }
+            poses = (f"{item.owner}/{row.joint}" for row in control.actuators)
+            opaque.touched |= {Key("keyframe", pose, "target") for pose in poses}
         elif item.place == "freejoint":
-            owners.add(("joint", element.get("name", "floating_base_joint")))
+            opaque.owners.add(("joint", element.get("name", "floating_base_joint")))
         elif kind := OWNERS.get(item.place):
             name = names.get(item.owner, item.owner) if kind == "body" else item.owner
-            owners |= {(kind, name)} | ({("equality", name)} if item.place == "mimic" else set())
-            owners.add(("equality", element.get("name", name)))
+            opaque.owners |= {(kind, name), ("equality", element.get("name", name))}
+            if item.place == "mimic":
+                opaque.owners.add(("equality", name))
             for word in element.attrib:
-                touched |= {Key(kind, name, q) for q in MEANS.get(word, (word,))}
-    return Opaque(frozenset(subjects), frozenset(owners), frozenset(touched))
+                opaque.touched |= {Key(kind, name, q) for q in MEANS.get(word, (word,))}
+    return opaque
 
 
 def _subject(item: MjcfOnly, element: Element, names: Mapping[str, str]) -> tuple[str, str]:
