@@ -16,6 +16,7 @@ from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface, measure, pixel_digest
 from assetbuild.facts.table import Table, Value, pair_name
 from assetbuild.facts.usd_prims import AXES, Places, Prim, Units, rigid
+from assetbuild.grouping import grouped
 from assetbuild.robot.pose import Array, Pose, quat_between
 
 CONTACT: Mapping[str, tuple[float, ...]] = {
@@ -218,30 +219,22 @@ def pair_facts(
     filters: pairs of paths, of bodies or shapes; one of a body that carries the articulation speaks
     for the whole robot. apart: bodies that a joint keeps apart.
     """
-    of_body: dict[str, list[int]] = {}
-    for index, one in enumerate(colliders):
-        of_body.setdefault(one.body, []).append(index)
-    by_path = {one.path: [index] for index, one in enumerate(colliders)} | of_body
-    by_path |= {path: list(range(len(colliders))) for path in articulated}
+    of_body = grouped(colliders, lambda one: one.body)
+    by_path = {one.path: [one] for one in colliders} | of_body
+    by_path |= {path: [*colliders] for path in articulated}
     sides = [[by_path.get(path, ()) for path in pair] for pair in filters]
     sides += [[of_body.get(body, ()) for body in pair] for pair in apart]
     never = {frozenset(pair) for two in sides for pair in itertools.product(*two)}
     bodies_in_order = sorted(of_body, key=lambda path: names.get(path, path))
     for left, right in itertools.combinations(bodies_in_order, 2):
-        pairs = [
-            (a, b)
-            for a, b in itertools.product(of_body[left], of_body[right])
-            if colliders[a].touches and colliders[b].touches
-        ]
-        kept = [frozenset(pair) in never for pair in pairs]
-        if all(kept):
+        solid = ([one for one in of_body[body] if one.touches] for body in (left, right))
+        kept = {pair: frozenset(pair) in never for pair in itertools.product(*solid)}
+        if all(kept.values()):
             named = pair_name(names.get(left, left), names.get(right, right))
             table.put("pair", named, {"filtered": True})
             continue
-        for (a, b), is_apart in zip(pairs, kept, strict=True):
-            if is_apart:
-                both = pair_name(colliders[a].name, colliders[b].name)
-                table.put("shape pair", both, {"usd:filtered": True})
+        for a, b in (pair for pair in kept if kept[pair]):
+            table.put("shape pair", pair_name(a.name, b.name), {"usd:filtered": True})
 
 
 # --- meshes --------------------------------------------------------------------------------------
