@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.engine.world import World
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, quoted
 from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.plugin_types import Check, write_figures
 from assetbuild.simulators.children import environment, last_line
@@ -323,9 +323,8 @@ class AssetValidator(Validator):
         figures |= {"failures": len(issues) - warnings, "warnings": warnings}
         for rule, rule_issues in sorted(mild.items()):
             paths = list(dict.fromkeys(map(_path, rule_issues)))
-            more = f" and {len(paths) - SHOWN} more" if len(paths) > SHOWN else ""
-            shown = ", ".join(f"`{path}`" for path in paths[:SHOWN])
-            text = f"{rule} warns {len(rule_issues)} times of {shown}{more}; the first: "
+            shown = quoted(paths, SHOWN, " and {} more")
+            text = f"{rule} warns {len(rule_issues)} times of {shown}; the first: "
             data: Data = {"rule": rule, "times": len(rule_issues)}
             yield WARNING("robot", f"{text}{rule_issues[0]['message']}", data=data)
 

@@ -16,7 +16,7 @@ from assetbuild.engine.step import Files
 from assetbuild.facts.compare import Precision, differences, equality_findings
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import FactCollector, Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
@@ -131,7 +131,7 @@ def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
 
 def _with_held(source: Table, links: Tree) -> Table:
     """The source as it moves: what mimics a fixed joint, or by a multiplier of 0, stays there."""
-    facts = FactCollector()
+    facts = Table()
     for joint in links.joints:
         stated = source.of("joint", joint.name)
         slope, offset = (stated.get(f"mimic {word}") for word in ("multiplier", "offset"))
@@ -141,4 +141,4 @@ def _with_held(source: Table, links: Tree) -> Table:
             at = offset + slope * (held or 0.0)
             free: dict[str, Value] = {"mimics": "", "mimic multiplier": None, "mimic offset": None}
             facts.put("joint", joint.name, free | {"lower": at, "upper": at})
-    return source | facts.table()
+    return source | facts

@@ -23,7 +23,7 @@ from assetbuild.plugin_types import Check, write_figures
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Role
 
 SHIFT = Rule(
@@ -137,15 +137,11 @@ def _beyond_robot(tree: Tree, hulls: Hulls, body: str, outside: Callable[[str], 
     """
     left = np.concatenate([hull.vertices for hull in hulls[body, "collision"]])
     apart = np.full(len(left), np.inf)
-    for name, X_body_other in ({body: IDENTITY} | _neighbours(tree, body)).items():
+    above = tree.joint_above.get(body)
+    near = {} if above is None else {above.parent: above.X_parent_joint.inverse()}
+    near |= {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
+    for name, X_body_other in ({body: IDENTITY} | near).items():
         if (name, "visual") in hulls and len(left):
             apart = np.minimum(apart, outside(name)(X_body_other.inverse().apply(left)))
             left, apart = left[apart > 0.0], apart[apart > 0.0]
     return float(apart.max(initial=0.0))
-
-
-def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
-    """X_body_other of the bodies that a joint connects to it, joints at 0."""
-    above = tree.joint_above.get(body)
-    parent = {} if above is None else {above.parent: above.X_parent_joint.inverse()}
-    return parent | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}

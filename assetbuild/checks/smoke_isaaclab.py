@@ -15,20 +15,13 @@ from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import FactCollector, Key, Table
+from assetbuild.facts.table import Key, Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators.consumers import (
-    FAILED,
-    NOT_FINITE,
-    SINKS,
-    ConsumerCheck,
-    Environment,
-    SmokeBounds,
-)
+from assetbuild.simulators import consumers
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
 BEYOND_IMPORTS = ("assetbuild.simulators.isaaclab_child",)
@@ -50,13 +43,13 @@ FALL_SLACK = 0.05
 """Relative, as in `alignment`: the engines do not start their first step alike."""
 
 
-class SmokeIsaacLab(ConsumerCheck):
+class SmokeIsaacLab(consumers.ConsumerCheck):
     """Runs `python/<robot>_isaaclab_measure.py` on each engine and compares what it reads back."""
 
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
-    home: ClassVar[Environment] = Environment(
+    home: ClassVar[consumers.Environment] = consumers.Environment(
         "isaaclab",
         ("isaaclab[ovphysx]==3.0.0",),
         (3, 12),
@@ -64,7 +57,7 @@ class SmokeIsaacLab(ConsumerCheck):
         variable="ASSETBUILD_ISAACLAB",
     )
 
-    bounds: SmokeBounds = SmokeBounds()
+    bounds: consumers.SmokeBounds = consumers.SmokeBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: by engine, what was compared and what became of the robot."""
@@ -77,7 +70,9 @@ class SmokeIsaacLab(ConsumerCheck):
             job: dict[str, object] = {"script": str(script.absolute()), "engine": engine}
             answer, failure = self.answer("isaaclab_child.py", job)
             if answer is None:
-                yield FAILED("robot", f"Isaac Lab on {name} does not take the bundle: {failure}")
+                yield consumers.FAILED(
+                    "robot", f"Isaac Lab on {name} does not take the bundle: {failure}"
+                )
                 figures[engine] = {"failure": failure}
                 summaries.append(f"{name}: refused")
             elif "absent" in answer:
@@ -115,7 +110,7 @@ def evaluate(
     answer: Mapping[str, Any],  # Any: JSON of the script
     tree: Tree,
     control: Control,
-    bounds: SmokeBounds,
+    bounds: consumers.SmokeBounds,
     engine: str,
 ) -> Iterator[Finding]:
     """What is wrong with an answer; separate, to be tried on bad ones."""
@@ -131,9 +126,7 @@ def evaluate(
     for kind, names in robot_names.items():
         read = set(held.names(kind))
         for what, some in (("missing", names - read), ("extra", read - names)):
-            mismatches += [
-                Difference(Key(kind, name, ""), None, None, what) for name in sorted(some)
-            ]
+            mismatches += [Difference(Key(kind, n, ""), None, None, what) for n in sorted(some)]
     driven = {a.joint for a in control.actuators if a.model != "passive"}
 
     def is_read(key: Key) -> bool:
@@ -145,7 +138,7 @@ def evaluate(
     expected = table.only(is_read)
     mismatches += differences(expected, held.only(lambda key: key in expected.facts), NEWTON)
     yield from equality_findings(mismatches, f"isaaclab_{engine}", name, {})
-    yield from _motion(held, float(answer["start_m"]), tree, control, bounds, name)
+    yield from _motion(held, float(answer["start_m"]), tree, control, bounds.low, name)
 
 
 def _as_held(table: Table, control: Control) -> Table:
@@ -153,17 +146,17 @@ def _as_held(table: Table, control: Control) -> Table:
 
     A spring is the stiffness of its joint's group; no effort limits a joint without a drive.
     """
-    springs, facts = as_drives(control), FactCollector()
+    springs, facts = as_drives(control), Table()
     for name in table.names("joint"):
         if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
             spring = springs.get(name)
             facts.put("joint", name, {"kp": spring.stiffness if spring else 0.0})
-    loose = set(facts.table().names("joint"))
-    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | facts.table()
+    loose = set(facts.names("joint"))
+    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | facts
 
 
 def _motion(
-    held: Table, start: float, tree: Tree, control: Control, bounds: SmokeBounds, name: str
+    held: Table, start: float, tree: Tree, control: Control, low: float, name: str
 ) -> Iterator[Finding]:
     fall, height = (held.facts.get(Key("robot", "", word)) for word in (FALL, HEIGHT))
     if tree.base != "floating" or not isinstance(fall, float) or not isinstance(height, float):
@@ -173,12 +166,12 @@ def _motion(
             f"{name}: the root's position is not finite (fall {fall:g} m, height {height:g} m)"
         )
         hint = "a smaller timestep, or armature on the joints of light bodies"
-        yield NOT_FINITE("robot", message, hint)
+        yield consumers.NOT_FINITE("robot", message, hint)
         return
     simulation = control.simulation
     wanted = fall_m(math.dist(simulation.gravity, (0.0, 0.0, 0.0)), simulation.timestep)
     if abs(fall - wanted) > FALL_SLACK * wanted:
         yield FALLS("robot", f"{name}: it falls {fall:.4g} m, {wanted:.4g} m are due to gravity")
-    if height < bounds.low * start:
+    if height < low * start:
         message = f"{name}: the root sinks from {start:.3f} to {height:.3f} m"
-        yield SINKS("robot", message, "see the checks of this engine")
+        yield consumers.SINKS("robot", message, "see the checks of this engine")

@@ -11,14 +11,7 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
-from assetbuild.simulators.consumers import (
-    FAILED,
-    NOT_FINITE,
-    SINKS,
-    ConsumerCheck,
-    Environment,
-    SmokeBounds,
-)
+from assetbuild.simulators import consumers
 
 FELL = Rule(
     "smoke.fell",
@@ -36,7 +29,7 @@ INERTIA = Rule(
 BEYOND_IMPORTS = ("assetbuild.simulators.mjlab_child",)
 
 
-class SmokeMjlab(ConsumerCheck):
+class SmokeMjlab(consumers.ConsumerCheck):
     """Loads `python/<robot>_mjlab.py`, stands for a second, trains two iterations (GPU: 200)."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
@@ -48,7 +41,7 @@ class SmokeMjlab(ConsumerCheck):
             default=1.0,
         )
     }
-    home: ClassVar[Environment] = Environment(
+    home: ClassVar[consumers.Environment] = consumers.Environment(
         "mjlab", ("mjlab==1.6.0",), size="3.4 GB to download, 6.7 GB on disk"
     )
 
@@ -62,7 +55,7 @@ class SmokeMjlab(ConsumerCheck):
     """Control steps of each environment per iteration, on a CPU."""
     effort_factor: float = 1.0
     """The largest factor by which the recipe's `randomize` raises an effort limit."""
-    bounds: SmokeBounds = SmokeBounds()
+    bounds: consumers.SmokeBounds = consumers.SmokeBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures without times, which differ from machine to machine."""
@@ -74,7 +67,7 @@ class SmokeMjlab(ConsumerCheck):
         answer, failure = self.answer("mjlab_child.py", job)
         if answer is None:
             write_figures(files, {"failure": failure})
-            yield FAILED(
+            yield consumers.FAILED(
                 "robot",
                 f"mjlab does not take the bundle: {failure}",
                 hint="the message is mjlab's; `<bundle>/python/*_mjlab.py` is what it read",
@@ -87,10 +80,9 @@ class SmokeMjlab(ConsumerCheck):
 def _rounded_figures(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's JSON
     """Rounded, so that the last bits of a machine's sums are not in the report."""
     kept = ("envs", "fell", "finite", "walks", "gpu", "iterations", "weights_finite")
+    digits = {"height_m": 3, "start_m": 3, "effort_share": 2}
     figures: dict[str, object] = {name: answer[name] for name in kept}
-    figures["height_m"] = round(answer["height_m"], 3)
-    figures["start_m"] = round(answer["start_m"], 3)
-    figures["effort_share"] = round(answer["effort_share"], 2)
+    figures |= {name: round(answer[name], count) for name, count in digits.items()}
     figures["weights_changed"] = answer["weights_moved"] > 0.0
     went = f", the root went from {answer['start_m']:.3f} m to {answer['height_m']:.3f} m"
     still = abs(answer["height_m"] - answer["start_m"]) < 1e-9  # a fixed base
@@ -108,7 +100,7 @@ def _rounded_figures(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: th
 
 def evaluate(
     answer: Mapping[str, Any],  # Any: the child's JSON
-    bounds: SmokeBounds,
+    bounds: consumers.SmokeBounds,
     effort_factor: float = 1.0,
 ) -> Iterator[Finding]:
     """What is wrong with an answer; separate, so that it can be tried on bad ones."""
@@ -117,10 +109,10 @@ def evaluate(
     sinks = not falls and answer["walks"] and height < bounds.low * start
     inconsistent = answer.get("inconsistent", 0)
     for rule, is_wrong, message in (
-        (NOT_FINITE, not answer["finite"], "observations or rewards are not finite"),
-        (NOT_FINITE, not answer["weights_finite"], "the policy's weights are not finite"),
+        (consumers.NOT_FINITE, not answer["finite"], "observations or rewards are not finite"),
+        (consumers.NOT_FINITE, not answer["weights_finite"], "the policy's weights are not finite"),
         (FELL, falls, f"{fell} of {answer['envs']} robots fall under zero actions"),
-        (SINKS, sinks, f"the root sinks from {start:.3f} to {height:.3f} m"),
+        (consumers.SINKS, sinks, f"the root sinks from {start:.3f} to {height:.3f} m"),
         (
             EFFORT,
             share > effort_factor * 1.001,

@@ -25,7 +25,7 @@ FOLDER = "/bundle/python"
 """Where the module believes to lie: a record holds no paths of this machine."""
 PYTHON = os.path.dirname(os.__file__)  # noqa: PTH120 - strings
 CLASS, ARGUMENTS, LINE = "()", "*", "@"
-"""Keys of a recorded call beside its keyword arguments."""
+"""Keys of a recorded call beside its keyword arguments: whose, its other arguments, its line."""
 MODULE = "module"
 IMPORT = builtins.__import__
 IMPORTED: list[str] = []

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
+from assetbuild.errors import quoted
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Comparison, Quantity, Rank, Required
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.grouping import grouped
 from assetbuild.robot.pose import normalised_quat, rotation_of
 
-Item = TypeVar("Item")
 EXACT: Mapping[Comparison, float] = {
     "number": 1e-9, "vector": 1e-9, "direction": 1e-9, "pose": 1e-9, "tensor": 1e-9, "length": 1e-9
 }  # fmt: skip
@@ -177,18 +176,9 @@ def differences(before: Table, after: Table, precision: Precision) -> list[Diffe
 
 def _absent(here: Table, there: Table) -> list[tuple[str, str]]:
     """Subjects of one table that the other lacks though such a subject states something always."""
-    known = {(key.kind, key.name) for key in there.facts}
-    lost = dict.fromkeys(
-        (key.kind, key.name)
-        for key in here.facts
-        if (key.kind, key.name) not in known and _is_required(key)
-    )
-    return list(lost)
-
-
-def _is_required(key: Key) -> bool:
-    quantity = VOCABULARY.get((key.kind, key.quantity))
-    return quantity is not None and isinstance(quantity.unstated, Required)
+    known = {key[:2] for key in there.facts}
+    lost = (key for key in here.facts if key[:2] not in known)
+    return [*dict.fromkeys(key[:2] for key in lost if isinstance(_value(there, key), Required))]
 
 
 def _value(table: Table, key: Key) -> Value | Required:
@@ -340,11 +330,7 @@ def _sentence(one: Difference, subject: str, model: str) -> str:
 def so_for(names: Iterable[str]) -> str:
     """`; so for `b`, `c` and 2 more`, of names whose first is the subject."""
     others = list(names)[1:]
-    if not others:
-        return ""
-    listed = ", ".join(f"`{name}`" for name in others[: NAMED - 1])
-    rest = len(others) - (NAMED - 1)
-    return f"; so for {listed}" + (f" and {rest} more" if rest > 0 else "")
+    return f"; so for {quoted(others, NAMED - 1, ' and {} more')}" if others else ""
 
 
 def slug(text: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -22,9 +22,9 @@ from assetbuild.facts.reference import (
     surface_facts,
 )
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import FactCollector, Table, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.robot.inertia import tensor_of
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.mujoco import Model
@@ -79,7 +79,7 @@ def as_newton(table: Table) -> Table:
 
     Another drive is in one of the files alone. Bodies without mass may be merged away.
     """
-    collector = FactCollector()
+    collector = Table()
     for name in table.names("body"):
         weight = {q: v for q, v in table.of("body", name).items() if q in WEIGHT}
         if weight.get("mass"):
@@ -97,7 +97,7 @@ def as_newton(table: Table) -> Table:
     for key, value in table.facts.items():
         if key.kind == "shape" and key.quantity in HELD_BY_NEWTON["shape"]:
             collector.facts[key] = value
-    return collector.table()
+    return collector
 
 
 def _stated(limit: Value) -> Value:
@@ -114,15 +114,17 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
 
     mimics: whether the USD couples them.
     """
-    table, tree, control = robot_table(reference), reference.tree, reference.control
-    collector = FactCollector()
+    robot, tree, control = robot_table(reference), reference.tree, reference.control
     light = {body.name for body in tree.bodies if body.is_massless}
-    for key, value in table.facts.items():
-        held = key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ())
-        # `usd.mass_missing` says what PhysX makes up where there is no mass.
-        if held and not (key.quantity in WEIGHT and key.name in light):
-            collector.facts[key] = value
-    collector.put("robot", "", {"physx:dof": float(len(tree.moving_joints))})
+    # `usd.mass_missing` says what PhysX makes up where there is no mass.
+    table = robot.only(
+        lambda key: (
+            key.kind != "joint"
+            and key.quantity in HELD_BY_PHYSX.get(key.kind, ())
+            and not (key.quantity in WEIGHT and key.name in light)
+        )
+    )
+    table.put("robot", "", {"physx:dof": float(len(tree.moving_joints))})
     starts, springs = dict(start_of(tree, control).joints), free_springs(control)
     coupled = measurable(tree) if mimics else {}
     for joint in tree.moving_joints:
@@ -130,19 +132,19 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
         target = starts[joint.name] if row and row.model == "pd" and row.kp else None
         if joint.name in springs:
             target = springs[joint.name][1]
-        facts = _physx_joint(table.of("joint", joint.name), drive_type)
+        facts = _physx_joint(robot.of("joint", joint.name), drive_type)
         facts |= {"start": starts[joint.name], "drive target": target}
         if joint.name in coupled and joint.mimic is not None:
             facts |= mimic_facts(joint.mimic)
-        collector.put("joint", joint.name, facts)
+        table.put("joint", joint.name, facts)
     contacts = dict(control.contacts)
     rough: dict[str, list[float]] = {body.name: [] for body in tree.bodies}
     for shape in reference.shapes.of("collision"):
         friction = contacts.get(shape.name, control.contact).friction[0]
         rough[tree.placement(shape.link)[0]].append(friction)
     for name, values in rough.items():
-        collector.put("body", name, _surfaces(values, values, [0.0] * len(values)))
-    return collector.table()
+        table.put("body", name, _surfaces(values, values, [0.0] * len(values)))
+    return table
 
 
 def _physx_joint(joint: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
@@ -168,19 +170,19 @@ def _surfaces(*columns: list[float]) -> dict[str, Value]:
 
 def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]]) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
-    collector = FactCollector()
-    collector.put("robot", "", {
+    table = Table()
+    table.put("robot", "", {
         "base": "fixed" if held["fixed_base"] else "floating",
         "physx:dof": float(held["dof"]),
     })  # fmt: skip
     if held["root"] is not None:
-        collector.put("robot", "", {"base pose": pose_value(_pose(held["root"]))})
+        table.put("robot", "", {"base pose": pose_value(_pose(held["root"]))})
     massless = {body.name for body in tree.bodies if body.is_massless}
     for name, link in held["bodies"].items():
         shapes = int(link["shapes"][0])  # the columns are padded
-        collector.put("body", name, _surfaces(*(link.get(w, [])[:shapes] for w in SURFACE)))
+        table.put("body", name, _surfaces(*(link.get(w, [])[:shapes] for w in SURFACE)))
         if name not in massless:
-            collector.put("body", name, {
+            table.put("body", name, {
                 "mass": link["mass"][0],
                 "centre of mass": tuple(link["centre of mass"]),
                 "inertia": tensor_of(np.reshape(link["inertia"], (3, 3))),
@@ -192,14 +194,14 @@ def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Val
         X_zero, X_turned = (
             _pose(parent[when]).inverse() @ _pose(child[when]) for when in ("zero", "turned")
         )
-        collector.put("body", joint.child, {"pose": pose_value(X_zero)})
+        table.put("body", joint.child, {"pose": pose_value(X_zero)})
         if joint.name in held["joints"]:
-            collector.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
+            table.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
     for name, row in held["joints"].items():
-        collector.put("joint", name, _held_joint(row))
+        table.put("joint", name, _held_joint(row))
     for name, facts in couplings.items():
-        collector.put("joint", name, facts)
-    return collector.table()
+        table.put("joint", name, facts)
+    return table
 
 
 def _pose(row: Sequence[float]) -> Pose:
@@ -244,54 +246,45 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
     coupled: does the file say which joint mimics? usd: read from the USD, which alone says how soft
     limits are and which law an explicit drive has.
     """
-    tree, table = reference.tree, as_newton(robot_table(reference))
-    expected = table.only(lambda key: coupled or not key.quantity.startswith("mimic"))
+    tree, soft = reference.tree, dict(reference.control.soft_limits)
+    table = as_newton(robot_table(reference))
+    table = table.only(lambda key: coupled or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
-    collector = FactCollector()
-    collector.put("robot", "", {"newton:dof": dof})
-    soft = dict(reference.control.soft_limits)
+    table.put("robot", "", {"newton:dof": dof})
     for joint in tree.moving_joints if usd else ():
-        ends = expected.of("joint", joint.name)
+        ends = table.of("joint", joint.name)
         limited = ends.get("lower") is not None or ends.get("upper") is not None
         softness = soft[joint.name].solref if joint.name in soft else SOLREF
-        collector.put("joint", joint.name, {"newton:solreflimit": softness if limited else None})
+        table.put("joint", joint.name, {"newton:solreflimit": softness if limited else None})
         if coupled and joint.mimic is not None:
-            collector.put("joint", joint.name, mimic_facts(leader_of(tree, joint.mimic)))
+            table.put("joint", joint.name, mimic_facts(leader_of(tree, joint.mimic)))
         row = reference.control.by_joint.get(joint.name)
-        for name, value in explicit_law(row).items() if row else ():
-            collector.put("joint", joint.name, {f"newton:actuator {name}": value})
-    for name, facts in _surfaces_of(shapes, reference.control):
-        collector.put("shape", name, facts)
-    return expected | collector.table()
-
-
-def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[str, Value]]]:
-    """Of each shape that may touch something; a gap of 0 leaves Newton its own, which only finds
-    contacts earlier."""
-    contacts, common = dict(control.contacts), control.contact
+        law = explicit_law(row) if row else {}
+        table.put("joint", joint.name, {f"newton:actuator {name}": v for name, v in law.items()})
+    contacts, common = dict(reference.control.contacts), reference.control.contact
     for shape in shapes.of("collision"):
         contact = contacts.get(shape.name, common)
         if contact.contype or contact.conaffinity:
+            # A gap of 0 leaves Newton its own, which only finds contacts earlier.
+            held = HELD_BY_NEWTON["shape"] - (set() if contact.gap else {"gap"})
             facts = surface_facts(contact)
-            wanted = HELD_BY_NEWTON["shape"] - (set() if contact.gap else {"gap"})
-            yield shape.name, {word: facts[word] for word in sorted(wanted)}
+            table.put("shape", shape.name, {word: facts[word] for word in sorted(held)})
+    return table
 
 
 def newton_table(held: Held) -> Table:
     """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
     model: Model = HeldModel(held)
-    collector = FactCollector()
-    read_model(model, collector, meshes=NoMeshes(model))
-    table, collector = as_newton(collector.table()), FactCollector()
-    collector.put("robot", "", {"newton:dof": float(held["nv"])})
+    table = as_newton(read_model(model, meshes=NoMeshes(model))[0])
+    table.put("robot", "", {"newton:dof": float(held["nv"])})
     for index, name in enumerate(held["names"]["joint"]):
         if table.of("joint", name):
             limited = bool(model.jnt_limited[index])
             softness = tuple(model.jnt_solref[index].tolist()) if limited else None
-            collector.put("joint", name, {"newton:solreflimit": softness})
+            table.put("joint", name, {"newton:solreflimit": softness})
     for name, law in held["laws"].items():
-        collector.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
-    return table | collector.table()
+        table.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
+    return table
 
 
 class NoMeshes(Meshes):

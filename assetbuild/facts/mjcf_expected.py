@@ -9,18 +9,18 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from assetbuild.facts.derived import SOLIMP, SOLREF
-from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
-from assetbuild.facts.table import Key, Table, Value, pair_name
-from assetbuild.robot.chains import axis_in_body, find_chains
+from assetbuild.facts.reference import Reference, pose_value, robot_table, surface_facts
+from assetbuild.facts.table import Table, Value, pair_name, pair_of
+from assetbuild.robot.chains import Chain, axis_in_body, joint_rows
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import MOVING, Actuator, Control, General, Joint, Loop, Softness
-from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
+from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of
 from assetbuild.simulators.mujoco import body_names
 
 STRONGEST = (3.0, 2.0, 1.0)
@@ -30,75 +30,75 @@ STRONGEST = (3.0, 2.0, 1.0)
 def mjcf_table(reference: Reference) -> Table:
     """Facts of an MJCF."""
     reference = replace(reference, control=reference.control.in_mjcf)
-    facts = dict(robot_table(reference).facts)
-    _structure(reference, facts)
-    names = _drive_names(reference)
+    table, drives = robot_table(reference), _drive_names(reference.control)
+    rows = joint_rows(reference.tree, {shape.link for shape in reference.shapes.shapes})
+    hidden = {link for row in rows.values() for link in row.between}
+    _structure(reference, rows, hidden, table)
     for joint in reference.tree.moving_joints:
-        drive = drive_facts(joint, reference.control, names)
-        facts |= {Key("joint", joint.name, quantity): value for quantity, value in drive.items()}
-    _shapes(reference, facts)
-    _senses(reference, names, facts)
-    facts |= {Key("pair", name, "mjcf:excluded"): True for name in _excluded(reference)}
-    _poses(reference, facts)
-    _softness(reference, facts)
-    return Table(_renamed(facts, body_names(reference.tree)))
+        table.put("joint", joint.name, drive_facts(joint, reference.control, drives))
+    _shapes(reference, table)
+    _senses(reference, drives, table)
+    _excluded(reference, hidden, table)
+    _poses(reference, table)
+    _softness(reference.control, table)
+    return _renamed(table, body_names(reference.tree)["world"] if table.of("body", "world") else "")
 
 
-def _structure(reference: Reference, facts: dict[Key, Value]) -> None:
-    """Bodies and joints as MuJoCo has them."""
+def _structure(
+    reference: Reference, rows: Mapping[str, Chain], hidden: Collection[str], table: Table
+) -> None:
+    """Bodies and joints as MuJoCo has them. rows: the joints that move each body."""
     tree = reference.tree
-    chains = find_chains(tree, {shape.link for shape in reference.shapes.shapes})
-    hidden = {link for chain in chains for link in chain.between}
-    fixed = {joint.name for joint in tree.joints if joint.kind not in MOVING}
-    gone = {"body": hidden, "joint": fixed}
-    for key in [key for key in facts if key.name in gone.get(key.kind, ())]:
-        del facts[key]
-    places: dict[str, dict[str, Value]] = {}
-    for joint in tree.joints:
-        places[joint.name] = {"body": joint.child, "parent": joint.parent}
-    for chain in chains:
-        facts[Key("body", chain.body, "parent")] = chain.parent
-        facts[Key("body", chain.body, "pose")] = pose_value(chain.pose_in_parent)
-        for joint, X in zip(chain.joints, chain.joint_poses, strict=True):
-            places[joint.name] = {"body": chain.body, "parent": chain.parent}
-            places[joint.name] |= {"anchor": tuple(X.xyz), "axis": axis_in_body(joint, X)}
-    for joint in tree.joints:
-        for name, values in _joints(joint, places[joint.name]):
-            facts |= {Key("joint", name, quantity): value for quantity, value in values.items()}
-    for body in tree.bodies:
-        if body.inertial is None or body.is_massless:
-            facts.pop(Key("body", body.name, "centre of mass"), None)
-            facts.pop(Key("body", body.name, "inertia"), None)
+    gone = {("body", link) for link in hidden}
+    gone |= {("joint", joint.name) for joint in tree.joints if joint.kind not in MOVING}
+    for key in [key for key in table.facts if key[:2] in gone]:
+        del table.facts[key]
+    for body, row in rows.items():
+        if body in hidden:
+            continue
+        table.put("body", body, {"parent": row.parent, "pose": pose_value(row.pose_in_parent)})
+        for joint, X in zip(row.joints, row.joint_poses, strict=True):
+            for name, facts in _joints(joint, X, {"body": body, "parent": row.parent}):
+                table.put("joint", name, facts)
+    for link in tree.bodies:
+        if link.is_massless:
+            table.drop("body", link.name, "centre of mass", "inertia")
     if tree.base == "floating":
         first = reference.control.initial_keyframe
         height = first.base.xyz[2] if first is not None and first.base is not None else 0.0
-        facts[Key("body", tree.root, "pose")] = (0.0, 0.0, height, *IDENTITY.quat)
-        facts.pop(Key("robot", "", "base pose"), None)
+        table.put("body", tree.root, {"pose": (0.0, 0.0, height, *IDENTITY.quat)})
+        table.drop("robot", "", "base pose")
 
 
-def _joints(joint: Joint, place: Mapping[str, Value]) -> Iterator[tuple[str, dict[str, Value]]]:
-    """(name in MJCF, facts): a planar joint is two slides across its normal and a hinge."""
+def _joints(
+    joint: Joint, X: Pose, ends: dict[str, Value]
+) -> Iterator[tuple[str, dict[str, Value]]]:
+    """(name in MJCF, facts): a planar joint is two slides across its normal and a hinge.
+
+    X: of the joint's frame in the body that it moves.
+    """
+    facts: dict[str, Value] = ends | {"anchor": tuple(X.xyz)}
     if joint.kind in MOVING:
-        yield joint.name, dict(place)
+        yield joint.name, facts | {"axis": axis_in_body(joint, X)}
     elif joint.kind == "ball":
-        yield joint.name, {q: v for q, v in place.items() if q != "axis"} | {"type": "ball"}
+        yield joint.name, facts | {"type": "ball"}
     elif joint.kind == "planar":
         turn = rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
         for column, suffix in enumerate(("x", "y", "yaw")):
             axis = tuple(float(v) for v in turn[:, column])
             kind = "rotary" if suffix == "yaw" else "linear"
-            yield f"{joint.name}_{suffix}", {**place, "axis": axis, "type": kind}
+            yield f"{joint.name}_{suffix}", {**facts, "axis": axis, "type": kind}
 
 
-def _drive_names(reference: Reference) -> dict[str, str]:
+def _drive_names(control: Control) -> dict[str, str]:
     """Menagerie's: the joint's without `_joint` where that is unique, unless it has its own."""
-    rows = [row for row in reference.control.actuators if row.model != "passive"]
+    rows = [row for row in control.actuators if row.model != "passive"]
     short = [row.name or row.joint.removesuffix("_joint") or row.joint for row in rows]
     return {row.joint: name if short.count(name) == 1 else row.joint
             for row, name in zip(rows, short, strict=True)}  # fmt: skip
 
 
-def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
+def _shapes(reference: Reference, table: Table) -> None:
     """Only a PNG is shown; what touches nothing has no surface, and masks keep it apart."""
     contacts, tree = dict(reference.control.contacts), reference.tree
     pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
@@ -106,31 +106,30 @@ def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
     for shape in reference.shapes.shapes:
         surface = contacts.get(shape.name, reference.control.contact)
         if shape.role == "visual":
-            facts |= {Key("shape", shape.name, q): 0.0 for q in ("contype", "conaffinity")}
+            table.put("shape", shape.name, {"contype": 0.0, "conaffinity": 0.0})
             if not pictures.get(shape.material or "", "").lower().endswith(".png"):
-                facts.pop(Key("shape", shape.name, "texture"), None)
+                table.drop("shape", shape.name, "texture")
         elif surface.contype or surface.conaffinity:
             touching.add(tree.placement(shape.link)[0])
         else:
-            for quantity in ("friction", "condim", "priority", "solref", "solimp", "margin", "gap"):
-                facts.pop(Key("shape", shape.name, quantity), None)
-    for pair in filtered_pairs(tree, reference.shapes, reference.control):
-        if not set(pair) <= touching:
-            del facts[Key("pair", pair_name(*pair), "filtered")]
+            table.drop(
+                "shape", shape.name, *surface_facts(surface).keys() - {"contype", "conaffinity"}
+            )
+    for pair in table.names("pair"):
+        if not {*pair_of(pair)} <= touching:
+            table.drop("pair", pair, "filtered")
 
 
-def _excluded(reference: Reference) -> Iterator[str]:
+def _excluded(reference: Reference, hidden: Collection[str], table: Table) -> None:
     """Pairs that MuJoCo does not pass by itself while the base floats, or once it is held."""
-    tree, shapes, control = reference.tree, reference.shapes, reference.control
-    rule = ContactFilter.of(tree, shapes, control)
-    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
-    hidden = {link for chain in chains for link in chain.between}
+    tree, control = reference.tree, reference.control
+    rule = ContactFilter.of(tree, reference.shapes, control)
     for a, b in control.excludes:
-        if not {a, b} & hidden and not rule.holds_without(tree.root, a, b):
-            yield pair_name(a, b)
+        if not {a, b} & {*hidden} and not rule.holds_without(tree.root, a, b):
+            table.put("pair", pair_name(a, b), {"mjcf:excluded": True})
 
 
-def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Value]) -> None:
+def _senses(reference: Reference, drives: Mapping[str, str], table: Table) -> None:
     """Objects of sensors by MuJoCo's names; loops by sites, which are frames to every reader."""
     tree, control = reference.tree, reference.control
     for sensor in control.sensors:
@@ -139,74 +138,68 @@ def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Va
             name = drives.get(name, name)
         if sensor.kind.startswith("subtree"):
             word = "body"
-        facts[Key("sensor", sensor.name, "object")] = f"{word} {name}" if name else word
+        table.put("sensor", sensor.name, {"object": f"{word} {name}" if name else word})
         if sensor.relative_to is not None and sensor.relative_to.kind == "world":
-            facts[Key("sensor", sensor.name, "reference")] = ""
+            table.put("sensor", sensor.name, {"reference": ""})
         if sensor.kind == "contact":
-            facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
+            table.put("sensor", sensor.name, {"mjcf:intprm": STRONGEST})
     sites = site_names(tree, control.loops)
     for loop in control.loops:
         for site, end in zip(sites[loop.name], loop.ends, strict=True):
-            facts[Key("frame", site, "body")] = end.body
-            facts[Key("frame", site, "pose")] = pose_value(end.X_body_end)
+            table.put("frame", site, {"body": end.body, "pose": pose_value(end.X_body_end)})
 
 
-def _poses(reference: Reference, facts: dict[Key, Value]) -> None:
+def _poses(reference: Reference, table: Table) -> None:
     """Commands of a keyframe; joints that only MuJoCo counts."""
     for key in reference.control.keyframes:
         for name, value in key.joints:
             row = reference.control.by_joint.get(name)
             if row is not None and row.model != "passive":
                 aimed = value * row.gear if row.model == "pd" else 0.0
-                facts[Key("keyframe", f"{key.name}/{name}", "target")] = aimed
+                table.put("keyframe", f"{key.name}/{name}", {"target": aimed})
         turns = dict(key.turns)
         for joint in reference.tree.joints:
             subject = f"{key.name}/{joint.name}"
             if joint.kind == "ball":
                 turn = turns.get(joint.name, IDENTITY.quat)
-                facts[Key("keyframe", subject, "mjcf:orientation")] = turn
-            if joint.kind == "planar":
-                for suffix in ("x", "y", "yaw"):
-                    facts[Key("keyframe", f"{subject}_{suffix}", "position")] = 0.0
+                table.put("keyframe", subject, {"mjcf:orientation": turn})
+            for suffix in ("x", "y", "yaw") if joint.kind == "planar" else ():
+                table.put("keyframe", f"{subject}_{suffix}", {"position": 0.0})
 
 
-def _softness(reference: Reference, facts: dict[Key, Value]) -> None:
+def _softness(control: Control, table: Table) -> None:
     """How soft limits and couplings are, where they differ from MuJoCo's own."""
-    control = reference.control
     rows: list[tuple[str, str, Softness | Loop]] = []
     rows += [("joint", name, soft) for name, soft in control.soft_limits]
     rows += [("equality", name, soft) for name, soft in control.soft_couplings]
     rows += [("equality", loop.name, loop) for loop in control.loops]
     for kind, name, soft in rows:
-        for word, value, usual in (
-            ("solref", soft.solref, SOLREF),
-            ("solimp", soft.solimp, SOLIMP),
-        ):
-            if tuple(value) != usual:
-                facts[Key(kind, name, f"mjcf:{word}")] = tuple(value)
+        if tuple(soft.solref) != SOLREF:
+            table.put(kind, name, {"mjcf:solref": tuple(soft.solref)})
+        if tuple(soft.solimp) != SOLIMP:
+            table.put(kind, name, {"mjcf:solimp": tuple(soft.solimp)})
 
 
-def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, Value]:
-    """With MuJoCo's name for a body called `world`."""
-    if names.get("world", "world") == "world":
-        return dict(facts)
-    pattern, new = re.compile(r"(?<!\S)world(?!\S)"), names["world"]
-    renamed: dict[Key, Value] = {}
-    for key, value in facts.items():
+def _renamed(table: Table, world: str) -> Table:
+    """With MuJoCo's name for a body called `world`, "" where there is none."""
+    if not world:
+        return table
+    pattern, renamed = re.compile(r"(?<!\S)world(?!\S)"), Table()
+    for key, value in table.facts.items():
         if key.kind in ("body", "frame", "pair"):
-            key = key._replace(name=pattern.sub(new, key.name))
+            key = key._replace(name=pattern.sub(world, key.name))
         of_body = key.quantity in ("body", "parent", "body a", "body b")
         if isinstance(value, str) and (of_body or (key.kind == "sensor" and " " in value)):
-            value = pattern.sub(new, value)
-        renamed[key] = value
+            value = pattern.sub(world, value)
+        renamed.facts[key] = value
     return renamed
 
 
-def solver_facts(reference: Reference, section: str) -> dict[Key, Value]:
+def solver_facts(reference: Reference, section: str) -> dict[str, Value]:
     """Solver options by the recipe's section."""
     options: Mapping[str, Any] = reference.options.get(section) or {}  # Any: plain JSON
     cone = options.get("cone") or "elliptic"
-    quantities: dict[str, Value] = {
+    return {
         "integrator": options.get("integrator", "implicitfast"),
         "cone": cone,
         "solver": options.get("solver", "Newton"),
@@ -215,7 +208,6 @@ def solver_facts(reference: Reference, section: str) -> dict[Key, Value]:
         "impratio": float(options.get("impratio") or (50.0 if cone == "elliptic" else 1.0)),
         "tolerance": float(options.get("tolerance", 1e-12)),
     }
-    return {Key("simulation", "", name): value for name, value in quantities.items()}
 
 
 # --- drives and limits ---------------------------------------------------------------------------

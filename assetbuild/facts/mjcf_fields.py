@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -147,15 +147,14 @@ def _between(model: Model) -> Iterator[tuple[Key, Value]]:
     for index, name in enumerate(subjects(model, "eq")):
         kind = of_eq.get(int(model.eq_type[index]), int(model.eq_objtype[index]))
         ends = (model.eq_obj1id[index], model.eq_obj2id[index])
-        yield Key("equality", name, "mjcf:between"), _named(model, [(kind, end) for end in ends])
+        yield Key("equality", name, "mjcf:between"), _named(model, kind, ends)
     for index, name in enumerate(subjects(model, "actuator")):
         kind = of_trn.get(int(model.actuator_trntype[index]), kinds.mjOBJ_UNKNOWN)
         ends = model.actuator_trnid[index]
-        yield Key("actuator", name, "mjcf:between"), _named(model, [(kind, end) for end in ends])
+        yield Key("actuator", name, "mjcf:between"), _named(model, kind, ends)
     for index, name in enumerate(subjects(model, "pair")):
         ends = (model.pair_geom1[index], model.pair_geom2[index])
-        named = _named(model, [(kinds.mjOBJ_GEOM, end) for end in ends])
-        yield Key("contact pair", name, "mjcf:between"), named
+        yield Key("contact pair", name, "mjcf:between"), _named(model, kinds.mjOBJ_GEOM, ends)
     for index, name in enumerate(subjects(model, "cam")):
         if target := int(model.cam_targetbodyid[index]) + 1:
             yield Key("camera", name, "mjcf:target"), body_name(model, target - 1)
@@ -169,24 +168,19 @@ def _wrap(model: Model, wrap: int) -> str:
     """`joint knee 2.0`, `site hook`, `geom drum beside`."""
     kind = mj.mjtWrap(int(model.wrap_type[wrap])).name.removeprefix("mjWRAP_").lower()
     number, index = float(model.wrap_prm[wrap]), int(model.wrap_objid[wrap])
-    objects = mj.mjtObj
     match kind:
         case "joint":
             return f"joint {name_of(model, 'joint', index)} {number!r}"
         case "site":
             return f"site {name_of(model, 'site', index)}"
         case "sphere" | "cylinder":
-            beside = _named(model, [(objects.mjOBJ_SITE, number)])
+            beside = _named(model, mj.mjtObj.mjOBJ_SITE, [number])
             return " ".join([f"geom {name_of(model, 'geom', index)}", *beside])
     return f"{kind} {number!r}"
 
 
-def _named(model: Model, ends: Collection[tuple[int, float]]) -> tuple[str, ...]:
-    """`site hook` of each; what is not there is left out."""
-    kinds = {int(kind): name.removeprefix("mjOBJ_").lower()
-             for name, kind in mj.mjtObj.__members__.items()}  # fmt: skip
-    return tuple(
-        f"{kinds[int(kind)]} {mj.mj_id2name(model, int(kind), int(index)) or int(index)}"
-        for kind, index in ends
-        if index >= 0
-    )
+def _named(model: Model, kind: int, ends: Iterable[float]) -> tuple[str, ...]:
+    """`site hook` of each; what is not there is left out. kind: MuJoCo's number of it."""
+    word = mj.mjtObj(int(kind)).name.removeprefix("mjOBJ_").lower()
+    there = [int(index) for index in ends if index >= 0]
+    return tuple(f"{word} {mj.mj_id2name(model, int(kind), index) or index}" for index in there)

@@ -9,7 +9,8 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from assetbuild.facts.mjcf_fields import Bodies, body_name, numbers
+from assetbuild.facts.compare import EXACT, Precision
+from assetbuild.facts.mjcf_fields import Bodies, body_name, fields, numbers, plain
 from assetbuild.facts.mjcf_parts import (
     BALL,
     JOINTS,
@@ -19,7 +20,7 @@ from assetbuild.facts.mjcf_parts import (
     read_senses,
     simulation_facts,
 )
-from assetbuild.facts.table import FactCollector, Value, pair_name
+from assetbuild.facts.table import Table, Value, pair_name
 from assetbuild.robot.inertia import tensor_of
 from assetbuild.simulators.mujoco import Model, floats, inertia_of, mj, name_of, turning
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
@@ -28,33 +29,50 @@ from assetbuild.simulators.mujoco.pairs import touching_geoms
 
 LOOPS = {0: "connect", 1: "weld"}
 """Kinds of loops by MuJoCo's number of the equality's type."""
+SURFACE = ("friction", "condim", "priority", "solref", "solimp", "margin", "gap")
+"""Quantities of a surface that may touch something, which MuJoCo calls the same."""
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
+MESHES = Precision(
+    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
+)
+"""MuJoCo keeps vertices, texture coordinates and colours as float32."""
+
+
+def compiled_facts(
+    model: Model,
+    opaque: Collection[tuple[str, str]] = frozenset(),
+    bodies: Bodies | None = None,
+    meshes: Meshes | None = None,
+) -> Table:
+    """A compiled model as facts; the world's own geoms are left out.
+
+    opaque: (kind, name) of what no other format can say; bodies: in whose frames.
+    """
+    table, elements = read_model(model, opaque, bodies, meshes)
+    return Table({**table.facts, **fields(model, elements)})
 
 
 def read_model(
     model: Model,
-    collector: FactCollector,
     opaque: Collection[tuple[str, str]] = frozenset(),
-    *,
-    by_area: bool = False,
     bodies: Bodies | None = None,
     meshes: Meshes | None = None,
-) -> frozenset[tuple[str, str]]:
-    """Puts every fact of a compiled model into the collector; the world's own geoms are left out.
-
-    opaque: (kind, name) of what no other format can say. by_area: see `Meshes`.
-    Returns the equalities and actuators that the collector now holds.
-    """
+) -> tuple[Table, frozenset[tuple[str, str]]]:
+    """What the vocabulary has of a compiled model, and the equalities and actuators in it."""
+    table, meshes = Table(), meshes or Meshes(model)
     bodies = bodies or Bodies(model)
     moving = [*turning(model), *np.flatnonzero(model.jnt_type == BALL).tolist()]
-    _root(model, collector)
+    table.put("robot", "", {"base": "floating" if floats(model) else "fixed"})
+    if not floats(model) and model.nbody > 1:
+        pose = pose_of(model.body_pos[1], model.body_quat[1])
+        table.put("robot", "", {"base pose": (*pose.xyz, *pose.quat)})
     for body in range(1, model.nbody):
-        collector.put("body", name_of(model, "body", body), _body(model, body))
+        table.put("body", name_of(model, "body", body), _body(model, body))
     for joint in moving:
-        collector.put("joint", name_of(model, "joint", joint), _joint(model, joint, bodies))
+        table.put("joint", name_of(model, "joint", joint), _joint(model, joint, bodies))
     if floats(model):
-        collector.put("joint", name_of(model, "joint", 0), _free_joint(model))
+        table.put("joint", name_of(model, "joint", 0), _free_joint(model))
     drives = {
         drive.joint_name: drive
         for drive in reversed(read_drives(model))  # the first of several on a joint is its drive
@@ -62,28 +80,27 @@ def read_model(
     }
     elements = {("actuator", name_of(model, "actuator", drive.index)) for drive in drives.values()}
     for drive in drives.values():
-        _drive(model, drive, collector)
+        _drive(model, drive, table)
     followers: set[str] = set()
     for equality in range(model.neq):
         subject = ("equality", name_of(model, "equality", equality))
-        if subject not in opaque and _equality(bodies, equality, followers, collector):
+        if subject not in opaque and _equality(bodies, equality, followers, table):
             elements.add(subject)
     for site in range(model.nsite):
-        _site(bodies, site, collector)
-    meshes = meshes or Meshes(model, by_area=by_area)
+        _site(bodies, site, table)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
-            collector.put("shape", shape_name(model, geom), _geom(bodies, geom, meshes))
+            table.put("shape", shape_name(model, geom), _geom(bodies, geom, meshes))
     for pair in _filtered(model, opaque):
-        collector.put("pair", pair_name(*pair), {"filtered": True})
+        table.put("pair", pair_name(*pair), {"filtered": True})
     for signature in model.exclude_signature:  # also where it changes nothing unless a base is held
         ends = (body_name(model, int(signature) >> 16), body_name(model, int(signature) & 0xFFFF))
-        collector.put("pair", pair_name(*ends), {"mjcf:excluded": True})
-    read_senses(bodies, collector)
+        table.put("pair", pair_name(*ends), {"mjcf:excluded": True})
+    read_senses(bodies, table)
     for key in range(model.nkey):
-        read_keyframe(model, key, moving, drives.values(), collector)
-    collector.put("simulation", "", simulation_facts(model.opt))
-    return frozenset(elements)
+        read_keyframe(model, key, moving, drives.values(), table)
+    table.put("simulation", "", simulation_facts(model.opt))
+    return table, frozenset(elements)
 
 
 def shape_name(model: Model, geom: int) -> str:
@@ -94,14 +111,6 @@ def shape_name(model: Model, geom: int) -> str:
 
 
 # --- bodies and joints ----------------------------------------------------------------------
-
-
-def _root(model: Model, collector: FactCollector) -> None:
-    facts: dict[str, Value] = {"base": "floating" if floats(model) else "fixed"}
-    if not floats(model) and model.nbody > 1:
-        pose = pose_of(model.body_pos[1], model.body_quat[1])
-        facts["base pose"] = (*pose.xyz, *pose.quat)
-    collector.put("robot", "", facts)
 
 
 def _body(model: Model, body: int) -> dict[str, Value]:
@@ -154,7 +163,7 @@ def _free_joint(model: Model) -> dict[str, Value]:
     return {word: value for word, value in first.items() if value}
 
 
-def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
+def _drive(model: Model, drive: Drive, table: Table) -> None:
     name = name_of(model, "actuator", drive.index)
     kind = "general" if drive.filtered else drive.kind
     plain, most = kind != "general", max(-drive.on_joint[0], drive.on_joint[1])
@@ -175,7 +184,7 @@ def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
     ends = (low, high) if hidden else (max(low, -most), min(high, most))
     if ends[0] != -ends[1] or hidden:
         facts["mjcf:effort range"] = ends
-    collector.put("joint", drive.joint_name, facts)
+    table.put("joint", drive.joint_name, facts)
 
 
 def general_text(model: Model, index: int) -> str:
@@ -191,7 +200,7 @@ def general_text(model: Model, index: int) -> str:
     )
 
 
-def _equality(bodies: Bodies, index: int, followers: set[str], collector: FactCollector) -> bool:
+def _equality(bodies: Bodies, index: int, followers: set[str], table: Table) -> bool:
     """A mimic joint, one that is locked, or a loop; False of every other kind, a word of MJCF.
 
     followers: joints that an equality before this one leads or locks.
@@ -199,7 +208,7 @@ def _equality(bodies: Bodies, index: int, followers: set[str], collector: FactCo
     model = bodies.model
     kind = int(model.eq_type[index])
     if kind in LOOPS and model.eq_active0[index]:
-        collector.put("loop", name_of(model, "equality", index), _loop(bodies, index))
+        table.put("loop", name_of(model, "equality", index), _loop(bodies, index))
         return True
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
     data = numbers(model.eq_data[index])
@@ -223,7 +232,7 @@ def _equality(bodies: Bodies, index: int, followers: set[str], collector: FactCo
         facts["mjcf:polycoef"] = data[:5]
     if not model.eq_active0[index]:
         facts["mjcf:active"] = False
-    collector.put("joint", name, facts)
+    table.put("joint", name, facts)
     return True
 
 
@@ -249,14 +258,14 @@ def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
     return facts | ({"torque scale": data[10]} if kind == "weld" else {})
 
 
-def _site(bodies: Bodies, site: int, collector: FactCollector) -> None:
+def _site(bodies: Bodies, site: int, table: Table) -> None:
     """One that is the frame of its body is no other."""
     model, body = bodies.model, int(bodies.model.site_bodyid[site])
     name, place = name_of(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
     if not bodies.is_own_frame(body, name, place):
         pose = bodies.placed(body) @ place
         facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
-        collector.put("frame", name, facts)
+        table.put("frame", name, facts)
 
 
 # --- shapes ---------------------------------------------------------------------------------
@@ -280,7 +289,7 @@ def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
     if facts["contype"] or facts["conaffinity"]:
-        facts |= contact_facts(model, geom)
+        facts |= {word: plain(getattr(model, f"geom_{word}")[geom]) for word in SURFACE}
     material = int(model.geom_matid[geom])
     rgba = numbers(np.float32(model.geom_rgba[geom]))
     has_rgba = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
@@ -303,19 +312,6 @@ def _size(kind: str, half: object) -> tuple[float, ...]:
         case "cylinder" | "capsule":
             return (a, 2.0 * b)
     return (a, b, c)
-
-
-def contact_facts(model: Model, geom: int) -> dict[str, Value]:
-    """Return the facts of a surface that may touch something."""
-    return {
-        "friction": numbers(model.geom_friction[geom]),
-        "condim": float(model.geom_condim[geom]),
-        "priority": float(model.geom_priority[geom]),
-        "solref": numbers(model.geom_solref[geom]),
-        "solimp": numbers(model.geom_solimp[geom]),
-        "margin": float(model.geom_margin[geom]),
-        "gap": float(model.geom_gap[geom]),
-    }
 
 
 def _filtered(model: Model, opaque: Collection[tuple[str, str]]) -> Iterator[tuple[str, str]]:

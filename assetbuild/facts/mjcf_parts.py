@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.facts.mjcf_fields import Bodies, numbers
+from assetbuild.facts.mjcf_fields import Bodies, numbers, plain
 from assetbuild.facts.surface import Surface, measure
-from assetbuild.facts.table import FactCollector, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, floats, mj, name_of
 from assetbuild.simulators.mujoco.drives import Drive
@@ -76,40 +76,33 @@ OBJECTS = {
 """MuJoCo's kind of object -> the vocabulary's; an XBODY is the frame of a body."""
 
 
-def read_senses(bodies: Bodies, facts: FactCollector) -> None:
+def read_senses(bodies: Bodies, table: Table) -> None:
     """Sensors and cameras."""
     model = bodies.model
     for sensor in range(model.nsensor):
         kind = mj.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
-        facts.put(
-            "sensor",
-            name_of(model, "sensor", sensor),
-            {
-                "type": kind.replace("actfrc", "actuatorfrc"),  # MJCF's word
-                "object": _object(model, sensor, "obj"),
-                "reference": _object(model, sensor, "ref"),
-                "cutoff": float(model.sensor_cutoff[sensor]),
-                "noise": float(model.sensor_noise[sensor]),
-            },
-        )
+        facts: dict[str, Value] = {
+            "type": kind.replace("actfrc", "actuatorfrc"),  # MJCF's word
+            "object": _object(model, sensor, "obj"),
+            "reference": _object(model, sensor, "ref"),
+            "cutoff": float(model.sensor_cutoff[sensor]),
+            "noise": float(model.sensor_noise[sensor]),
+        }
         if kind == "contact":
-            asked = numbers(model.sensor_intprm[sensor])
-            facts.put("sensor", name_of(model, "sensor", sensor), {"mjcf:intprm": asked})
+            facts["mjcf:intprm"] = numbers(model.sensor_intprm[sensor])
+        table.put("sensor", name_of(model, "sensor", sensor), facts)
     for camera in range(model.ncam):
         body = int(model.cam_bodyid[camera])
         pose = bodies.placed(body) @ pose_of(model.cam_pos[camera], model.cam_quat[camera])
         mode = mj.mjtCamLight(int(model.cam_mode[camera])).name
-        facts.put(
-            "camera",
-            name_of(model, "camera", camera),
-            {
-                "body": bodies.name(body),
-                "pose": (*pose.xyz, *pose.quat),
-                "field of view": math.radians(float(model.cam_fovy[camera])),
-                "resolution": numbers(model.cam_resolution[camera]),
-                "tracking": mode.removeprefix("mjCAMLIGHT_").lower(),
-            },
-        )
+        facts = {
+            "body": bodies.name(body),
+            "pose": (*pose.xyz, *pose.quat),
+            "field of view": math.radians(float(model.cam_fovy[camera])),
+            "resolution": numbers(model.cam_resolution[camera]),
+            "tracking": mode.removeprefix("mjCAMLIGHT_").lower(),
+        }
+        table.put("camera", name_of(model, "camera", camera), facts)
 
 
 def _object(model: Model, sensor: int, side: str) -> str:
@@ -123,7 +116,7 @@ def _object(model: Model, sensor: int, side: str) -> str:
 
 
 def read_keyframe(
-    model: Model, key: int, moving: list[int], drives: Iterable[Drive], facts: FactCollector
+    model: Model, key: int, moving: list[int], drives: Iterable[Drive], facts: Table
 ) -> None:
     """A pose and its commands. moving: hinges, slides and balls."""
     name, qpos, ctrl = name_of(model, "key", key), model.key_qpos[key], model.key_ctrl[key]
@@ -142,20 +135,18 @@ def read_keyframe(
         facts.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})
 
 
+NUMBERS = ("timestep", "gravity", "iterations", "impratio", "tolerance")
+"""Quantities of a simulation that MuJoCo calls the same."""
+SPELLED = {"EULER": "Euler", "NEWTON": "Newton", "RK4": "RK4", "CG": "CG", "PGS": "PGS"}
+
+
 def simulation_facts(option: Any) -> dict[str, Value]:  # Any: MuJoCo's MjOption
     """What a model steps with."""
     integrator = mj.mjtIntegrator(int(option.integrator)).name.removeprefix("mjINT_")
-    cone = mj.mjtCone(int(option.cone)).name.removeprefix("mjCONE_").lower()
     solver = mj.mjtSolver(int(option.solver)).name.removeprefix("mjSOL_")
-    words = {"EULER": "Euler", "NEWTON": "Newton", "RK4": "RK4", "CG": "CG", "PGS": "PGS"}
-    return {
-        "timestep": float(option.timestep),
-        "gravity": numbers(option.gravity),
-        "integrator": words.get(integrator, integrator.lower()),
-        "cone": cone,
-        "solver": words.get(solver, solver),
-        "iterations": float(option.iterations),
+    return {word: plain(getattr(option, word)) for word in NUMBERS} | {
+        "integrator": SPELLED.get(integrator, integrator.lower()),
+        "cone": mj.mjtCone(int(option.cone)).name.removeprefix("mjCONE_").lower(),
+        "solver": SPELLED.get(solver, solver),
         "line search iterations": float(option.ls_iterations),
-        "impratio": float(option.impratio),
-        "tolerance": float(option.tolerance),
     }

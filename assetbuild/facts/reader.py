@@ -19,6 +19,7 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.grouping import grouped
 from assetbuild.plugin_types import Check, RecipeView, Target, write_figures
 
 UNREADABLE = Rule(
@@ -30,6 +31,34 @@ UNREADABLE = Rule(
 
 BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
 """What a reader runs into where a file is not of its format at all."""
+
+
+SHOWN = 4
+MOVES = frozenset(
+    ("joint type", "joint axis", "joint lower", "joint upper", "joint mimics", "loop")
+)
+"""`kind` or `kind quantity`: without it the robot moves otherwise."""
+
+LOST = Rule(
+    "lost.*",
+    ("error", "warning", "info"),
+    "facts of the robot that a format cannot hold (error where it is simulated and moves otherwise "
+    "without them, warning where it only describes the robot)",
+    "take them from another format of the bundle",
+)
+
+
+class Lost(str):
+    """Why a format lacks a fact; a plain text says instead where the format has it."""
+
+    __slots__ = ()
+
+
+def all_but(held: Iterable[str], reason: str) -> dict[str, str]:
+    """A reason for every quantity but some. held: `kind quantity`, or a whole `kind`."""
+    kept = {*held}
+    names = [(kind, f"{kind} {name}") for kind, name in VOCABULARY]
+    return {name: reason for kind, name in names if not {kind, name} & kept}
 
 
 @dataclass(frozen=True)
@@ -63,10 +92,9 @@ class Reader(Check):
     """The format's name in sentences: "the MJCF"."""
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
-    written: ClassVar[str] = ""
-    """The main file below that folder, as a glob; `{robot}` is the robot's name."""
     file_globs: ClassVar[tuple[str, ...]] = ()
-    """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
+    """The files of a bundle that it reads, as globs, the main one first; `{robot}` is the robot's
+    name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that it may read when a person names one; none: only in a bundle."""
     precision: ClassVar[Precision] = Precision()
@@ -90,7 +118,8 @@ class Reader(Check):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
-        found = sorted(root.glob(self.written.replace("{robot}", escape(robot))))
+        main = Path(self.file_globs[0]).relative_to(self.folder)
+        found = sorted(root.glob(str(main).replace("{robot}", escape(robot))))
         return found[0] if found and found[0].is_file() else None
 
     def read(self, path: Path) -> Table:
@@ -116,25 +145,27 @@ class Reader(Check):
         return self.read(path).only(self.holds)
 
     @classmethod
+    def why_not(cls, key: Key) -> str | None:
+        """Why the format cannot say this; None where it can, as every word of its own."""
+        reason = cls.lacks.get(f"{key.kind} {key.quantity}", cls.lacks.get(key.kind))
+        return None if key.is_foreign else reason
+
+    @classmethod
     def holds(cls, key: Key) -> bool:
-        """Whether the format can say this; a word of its own it can."""
-        return key.is_foreign or (
-            key.kind not in cls.lacks and f"{key.kind} {key.quantity}" not in cls.lacks
-        )
+        """Whether the format can say this."""
+        return cls.why_not(key) is None
 
     def prove(self, reference: Reference, path: Path) -> Proof:
         """Compares a file with the robot."""
-        why = ""
         try:
             known = self.found(path, reference)
             expected = self.expected(reference)
-        except AssetBuildError as error:
-            why, hint = error.message, error.hint
-        except BROKEN as error:  # a file may hold anything
+        except (AssetBuildError, *BROKEN) as error:  # a file may hold anything
             why, hint = f"{type(error).__name__}: {error}", ""
-        if why:
+            if isinstance(error, AssetBuildError):
+                why, hint = error.message, error.hint
             finding = UNREADABLE("robot", f"{self.display_name}: {why}", hint)
-            return Proof(Table({}), (), (finding,), 0)
+            return Proof(Table(), (), (finding,), 0)
         different = differences(expected, known, self.exactness)
         findings = [*equality_findings(different, self.format_id, self.display_name, known.places)]
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
@@ -153,10 +184,39 @@ class Reader(Check):
         proof = self.prove(reference, path)
         write_figures(files, {"facts": proof.compared, "differ": len(proof.differences)})
         yield from proof.findings
-        all_facts = robot_table(reference)
-        yield from losses(
-            all_facts, self.format_id, self.display_name, self.lacks, simulated=self.simulated
-        )
+        yield from self.losses(robot_table(reference))
+
+    @classmethod
+    def losses(cls, table: Table) -> Iterator[Finding]:
+        """One finding for all that the format goes without. table: all that the robot says."""
+        lost = [
+            key
+            for key, value in table.facts.items()
+            if isinstance(
+                cls.lacks.get(f"{key.kind} {key.quantity}", cls.lacks.get(key.kind)), Lost
+            )
+            and value != VOCABULARY[key.kind, key.quantity].unstated
+        ]
+        if not lost:
+            return
+        moves = any({key.kind, f"{key.kind} {key.quantity}"} & MOVES for key in lost)
+        severity: Severity = "info" if not moves else "error" if cls.simulated else "warning"
+        parts, data = [], dict[str, int]()
+        for kind, keys in grouped(lost, lambda key: key.kind).items():
+            # `home/FR_hip_joint` is part of the keyframe `home`.
+            names = (name.partition("/")[0] if kind == "keyframe" else name for _, name, _ in keys)
+            subjects = dict.fromkeys(names)
+            data[kind] = len(subjects)
+            plural = "s" if len(subjects) > 1 else ""
+            counted = f"{len(subjects)} {kind}{plural}" if any(subjects) else f"the {kind}"
+            if kind not in cls.lacks:
+                quantities = dict.fromkeys(key.quantity for key in keys)
+                counted = f"{quoted(quantities, SHOWN)} of {counted}"
+            elif any(subjects):
+                counted = f"{counted} ({quoted(subjects, SHOWN)})"
+            parts.append(counted)
+        text = f"{cls.display_name} lacks {'; '.join(parts)}"
+        yield LOST.named(cls.format_id)("robot", text, severity=severity, data=data)
 
 
 def asked_sections(
@@ -180,69 +240,3 @@ def stated_options(recipe: RecipeView, sections: tuple[str, ...]) -> dict[str, A
                 else value
             )
     return options
-
-
-# --- what a format goes without ------------------------------------------------------------------
-
-
-SHOWN = 4
-MOVES = frozenset(
-    ("joint type", "joint axis", "joint lower", "joint upper", "joint mimics", "loop")
-)
-"""`kind` or `kind quantity`: without it the robot moves otherwise."""
-
-LOST = Rule(
-    "lost.*",
-    ("error", "warning", "info"),
-    "facts of the robot that a format cannot hold (error where it is simulated and moves otherwise "
-    "without them, warning where it only describes the robot)",
-    "take them from another format of the bundle",
-)
-
-
-class Lost(str):
-    """Why a format lacks a fact; a plain text says instead where the format has it."""
-
-    __slots__ = ()
-
-
-def losses(
-    table: Table, form: str, called: str, lacks: Mapping[str, str], *, simulated: bool
-) -> Iterator[Finding]:
-    """One finding for all that a format goes without.
-
-    table: all that the robot says. form, called: as its reader is called. simulated: robots are
-    simulated from it, so that what moves otherwise is an error; else it only describes them.
-    """
-    lost = [
-        key
-        for key, value in table.facts.items()
-        if isinstance(lacks.get(f"{key.kind} {key.quantity}", lacks.get(key.kind)), Lost)
-        and value != VOCABULARY[key.kind, key.quantity].unstated
-    ]
-    if not lost:
-        return
-    moves = any({key.kind, f"{key.kind} {key.quantity}"} & MOVES for key in lost)
-    severity: Severity = "info" if not moves else "error" if simulated else "warning"
-    names: dict[str, dict[str, None]] = {}
-    quantities: dict[str, dict[str, None]] = {}
-    for kind, name, quantity in lost:
-        # `home/FR_hip_joint` is part of the keyframe `home`.
-        subject = name.partition("/")[0] if kind == "keyframe" else name
-        names.setdefault(kind, {})[subject] = None
-        quantities.setdefault(kind, {})[quantity] = None
-    parts = []
-    for kind, subjects in names.items():
-        counted = (
-            f"{len(subjects)} {kind}{'s' if len(subjects) > 1 else ''}"
-            if any(subjects)
-            else f"the {kind}"
-        )
-        if kind not in lacks:
-            counted = f"{quoted(quantities[kind], SHOWN)} of {counted}"
-        elif any(subjects):
-            counted = f"{counted} ({quoted(subjects, SHOWN)})"
-        parts.append(counted)
-    data = {kind: len(subjects) for kind, subjects in names.items()}
-    text = f"{called} lacks {'; '.join(parts)}"
-    yield LOST.named(form)("robot", text, severity=severity, data=data)

@@ -12,18 +12,19 @@ from typing import Any
 from assetbuild.errors import UsageError
 from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import FactCollector, Table, Value, pair_name
+from assetbuild.facts.table import Table, Value, pair_name
+from assetbuild.grouping import grouped
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
+    Camera,
     Contact,
     Control,
     Inertial,
     Joint,
-    Keyframe,
     Loop,
     Mimic,
     Sensor,
@@ -32,6 +33,8 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import Mesh, Shape, Shapes, sizes_of
 
+DRIVE = ("model", "kp", "kd", "damping", "friction", "armature", "effort", "velocity")
+"""Quantities that a row of the actuator table has by the same names."""
 TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
 
 
@@ -53,6 +56,12 @@ class Assets:
         """The surface in a mesh file by the digest of its bytes: a copy needs no second reading."""
         surfaces = dict(self.surfaces)
         return {digest: surfaces[name] for name, digest in self.files if name in surfaces}
+
+
+PARTS: Mapping[str, type] = {
+    "links": Tree, "tree": Tree, "shapes": Shapes, "control": Control, "assets": Assets,
+}  # fmt: skip
+"""Parts of `report/robot.json` beside the options of the recipe."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +94,8 @@ class Reference:
 
     def to_json(self) -> str:
         """`report/robot.json`."""
-        parts: dict[str, object] = {
-            "links": self.links, "tree": self.tree, "shapes": self.shapes,
-            "control": self.control, "assets": replace(self.assets, files=()),
-        }  # fmt: skip
-        plain = {name: json.loads(encode(part)) for name, part in parts.items()}
+        kept = replace(self, assets=replace(self.assets, files=()))
+        plain = {name: json.loads(encode(getattr(kept, name))) for name in PARTS}
         plain["options"] = self.options
         # Not sorted: where a section maps patterns to ranges, the first that matches wins.
         return json.dumps(plain, separators=(",", ":")) + "\n"
@@ -100,12 +106,10 @@ class Reference:
         file = bundle / "report" / "robot.json"
         try:
             raw = json.loads(file.read_bytes(), object_hook=_with_new_keys)
-            parts = {name: json.dumps(raw[name]).encode() for name in raw if name != "options"}
-            read = cls(
-                decode(Tree, parts["links"]), decode(Tree, parts["tree"]),
-                decode(Shapes, parts["shapes"]), decode(Control, parts["control"]),
-                decode(Assets, parts["assets"]), dict(raw["options"]),
-            )  # fmt: skip
+            parts: dict[str, Any] = {  # Any: of these kinds
+                name: decode(kind, json.dumps(raw[name]).encode()) for name, kind in PARTS.items()
+            }
+            read = cls(**parts, options=dict(raw["options"]))
             read.look_up_names()
             return read
         except (FileNotFoundError, NotADirectoryError):
@@ -150,35 +154,39 @@ def _with_new_keys(plain: dict[str, Any]) -> dict[str, Any]:
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
     """Every fact of the robot. merged: of the bodies that are simulated, else of the links."""
-    collector = FactCollector()
+    table = Table()
     tree = reference.tree if merged else reference.links
-    collector.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
+    table.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
     above = tree.joint_above
     for body in tree.bodies:
         joint = above.get(body.name)
         pose = {"pose": pose_value(joint.X_parent_joint)} if joint else {}
         parent: dict[str, Value] = {"parent": joint.parent if joint else ""}
-        collector.put("body", body.name, parent | pose | inertial_facts(body.inertial))
+        table.put("body", body.name, parent | pose | inertial_facts(body.inertial))
     for frame in tree.frames:
-        collector.put(
-            "frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)}
-        )
+        table.put("frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)})
     for joint in tree.joints:
-        collector.put("joint", joint.name, joint_facts(joint))
+        table.put("joint", joint.name, joint_facts(joint))
         if joint.kind in MOVING:
-            collector.put("joint", joint.name, drive_facts(joint, reference.control))
+            table.put("joint", joint.name, drive_facts(joint, reference.control))
     for name, (stiffness, rest) in springs_of(reference.control).items():
-        collector.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
+        table.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
     for loop in reference.control.loops:
-        collector.put("loop", loop.name, loop_facts(loop))
-    _shapes(tree, reference, collector)
+        table.put("loop", loop.name, loop_facts(loop))
+    _shapes(tree, reference, table)
     for first, second in filtered_pairs(tree, reference.shapes, reference.control):
-        collector.put("pair", pair_name(first, second), {"filtered": True})
-    _senses(tree, reference.control, collector)
+        table.put("pair", pair_name(first, second), {"filtered": True})
+    for sensor in reference.control.sensors:
+        table.put("sensor", sensor.name, sensor_facts(sensor))
+    for camera in reference.control.cameras:
+        table.put("camera", camera.name, camera_facts(camera, tree))
     for key in reference.control.keyframes:
-        _keyframe(key, tree, collector)
-    collector.put("simulation", "", simulation_values(reference.control))
-    return collector.table()
+        if key.base is not None and tree.base == "floating":
+            table.put("keyframe", key.name, {"base pose": pose_value(key.base)})
+        for name, position in key.joints:
+            table.put("keyframe", f"{key.name}/{name}", {"position": position})
+    table.put("simulation", "", simulation_values(reference.control))
+    return table
 
 
 def simulation_values(control: Control) -> dict[str, Value]:
@@ -247,11 +255,8 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
         joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0,
         effort=joint.limits.effort, velocity=joint.limits.velocity,
     )  # fmt: skip
-    facts: dict[str, Value] = {
-        "model": row.model, "kp": row.kp, "kd": row.kd, "damping": row.damping,
-        "friction": row.friction, "armature": row.armature, "effort": row.effort,
-        "velocity": row.velocity, "command range": row.ctrl,
-    }  # fmt: skip
+    facts: dict[str, Value] = {word: getattr(row, word) for word in DRIVE}
+    facts["command range"] = row.ctrl
     if row.model == "dc_motor":
         facts["stall"] = row.saturation
     if row.gear != 1.0:
@@ -266,7 +271,7 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
 # --- shapes ---------------------------------------------------------------------------------
 
 
-def _shapes(tree: Tree, reference: Reference, collector: FactCollector) -> None:
+def _shapes(tree: Tree, reference: Reference, table: Table) -> None:
     materials = {material.name: material for material in reference.shapes.materials}
     surfaces, pixels = dict(reference.assets.surfaces), dict(reference.assets.pixels)
     contacts = dict(reference.control.contacts)
@@ -281,7 +286,7 @@ def _shapes(tree: Tree, reference: Reference, collector: FactCollector) -> None:
                 facts["texture"] = pixels.get(material.texture or "")
         else:
             facts |= surface_facts(contacts.get(shape.name, reference.control.contact))
-        collector.put("shape", shape.name, facts)
+        table.put("shape", shape.name, facts)
 
 
 def geometry_facts(shape: Shape, pose: Pose, surfaces: Mapping[str, Surface]) -> dict[str, Value]:
@@ -316,43 +321,24 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
     their masks never meet. `robot.contact_filter` defines that rule for readers and writers; the
     proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks.
     """
-    contacts = dict(control.contacts)
-    solid: dict[str, list[Contact]] = {}
-    for shape in shapes.of("collision"):
-        name = tree.placement(shape.link)[0]
-        solid.setdefault(name, []).append(contacts.get(shape.name, control.contact))
-    rule = ContactFilter.of(tree, shapes, control)
+    solid = grouped(shapes.of("collision"), lambda shape: tree.placement(shape.link)[0])
+    rule, contacts = ContactFilter.of(tree, shapes, control), dict(control.contacts)
     excluded = {frozenset(pair) for pair in control.excludes}
     for first, second in itertools.combinations(sorted(solid), 2):
-        meets = any(
-            one.contype & two.conaffinity or two.contype & one.conaffinity
-            for one in solid[first]
-            for two in solid[second]
-        )
+        surfaces = ([contacts.get(shape.name, control.contact) for shape in solid[body]]
+                    for body in (first, second))  # fmt: skip
+        meets = any(itertools.starmap(masks_meet, itertools.product(*surfaces)))
         is_excluded = frozenset((first, second)) in excluded
         if is_excluded or rule.passes(first, second) or not meets:
             yield first, second
 
 
-# --- sensors, cameras, poses ----------------------------------------------------------------
+def masks_meet(one: Contact, other: Contact) -> bool:
+    """Whether MuJoCo's masks let two surfaces touch."""
+    return bool(one.contype & other.conaffinity or other.contype & one.conaffinity)
 
 
-def _senses(tree: Tree, control: Control, collector: FactCollector) -> None:
-    for sensor in control.sensors:
-        collector.put("sensor", sensor.name, sensor_facts(sensor))
-    for camera in control.cameras:
-        body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
-        collector.put(
-            "camera",
-            camera.name,
-            {
-                "body": body,
-                "pose": pose_value(pose @ camera.X_link_camera),
-                "field of view": camera.fovy,
-                "resolution": tuple(float(n) for n in camera.resolution),
-                "tracking": camera.tracking,
-            },
-        )
+# --- sensors and cameras ----------------------------------------------------------------
 
 
 def sensor_facts(sensor: Sensor) -> dict[str, Value]:
@@ -367,8 +353,13 @@ def sensor_facts(sensor: Sensor) -> dict[str, Value]:
     }
 
 
-def _keyframe(key: Keyframe, tree: Tree, collector: FactCollector) -> None:
-    if key.base is not None and tree.base == "floating":
-        collector.put("keyframe", key.name, {"base pose": pose_value(key.base)})
-    for joint, value in key.joints:
-        collector.put("keyframe", f"{key.name}/{joint}", {"position": value})
+def camera_facts(camera: Camera, tree: Tree) -> dict[str, Value]:
+    """Return where a camera is and what it sees; one that no link carries stands in the world."""
+    body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
+    return {
+        "body": body,
+        "pose": pose_value(pose @ camera.X_link_camera),
+        "field of view": camera.fovy,
+        "resolution": tuple(float(n) for n in camera.resolution),
+        "tracking": camera.tracking,
+    }

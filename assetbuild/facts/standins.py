@@ -14,8 +14,8 @@ from typing import Any
 import assetbuild
 from assetbuild.engine.confine import bare_environment
 from assetbuild.errors import UsageError
+from assetbuild.facts._standins_child import CLASS
 
-BEYOND_IMPORTS = ("assetbuild.facts._standins_child",)
 SECONDS = 20.0
 """Wall-clock limit; the largest module of the library takes 0.1 s."""
 MOST_BYTES = 64 << 20
@@ -23,8 +23,6 @@ PROGRAM = (
     "import sys; sys.path.append(sys.argv[1]); "
     "from assetbuild.facts import _standins_child; _standins_child.main()"
 )
-CLASS, ARGUMENTS, LINE = "()", "*", "@"
-"""Keys of a recorded call beside its keyword arguments: whose, its other arguments, its line."""
 Record = dict[str, Any]  # Any: JSON
 
 

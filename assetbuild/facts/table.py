@@ -64,15 +64,34 @@ def pair_of(name: str) -> tuple[str, str]:
     return one, other
 
 
-@dataclass(frozen=True)
+@dataclass
 class Table:
     """Facts by key, in the order in which they were read.
 
     places: `file:line` or path of a prim by (kind, name), where the reader knows it.
+
+    >>> table = Table()
+    >>> table.put("joint", "hip", {"armature": 0.01})
+    >>> table.of("joint", "hip")
+    {'armature': 0.01}
     """
 
-    facts: Mapping[Key, Value]
-    places: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    facts: dict[Key, Value] = field(default_factory=dict)
+    places: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def put(self, kind: str, name: str, facts: Mapping[str, Value]) -> None:
+        """Notes facts of one subject by their quantities."""
+        for quantity, value in facts.items():
+            self.facts[Key(kind, name, quantity)] = value
+
+    def drop(self, kind: str, name: str, *quantities: str) -> None:
+        """Removes facts of one subject, as far as they are there."""
+        for quantity in quantities:
+            self.facts.pop(Key(kind, name, quantity), None)
+
+    def place(self, kind: str, name: str, where: str) -> None:
+        """Notes where a subject stands."""
+        self.places[kind, name] = where
 
     def names(self, kind: str) -> tuple[str, ...]:
         """The names of all subjects of a kind, in order."""
@@ -87,38 +106,10 @@ class Table:
         kept = {key: value for key, value in self.facts.items() if holds(key)}
         return Table(kept, self.places)
 
+    def plain(self) -> Table:
+        """The same of a file that may state anything: every value as `plain_value` has it."""
+        return Table({key: plain_value(value) for key, value in self.facts.items()}, self.places)
+
     def __or__(self, other: Table) -> Table:
         """Both tables; of facts that both have, the other's."""
         return Table({**self.facts, **other.facts}, {**self.places, **other.places})
-
-
-class FactCollector:
-    """Collects facts while a reader walks a file.
-
-    >>> facts = FactCollector()
-    >>> facts.put("joint", "hip", {"armature": 0.01})
-    >>> facts.table().of("joint", "hip")
-    {'armature': 0.01}
-    """
-
-    def __init__(self) -> None:
-        self.facts: dict[Key, Value] = {}
-        self.places: dict[tuple[str, str], str] = {}
-
-    def put(self, kind: str, name: str, facts: Mapping[str, Value]) -> None:
-        """Notes facts of one subject by their quantities."""
-        for quantity, value in facts.items():
-            self.facts[Key(kind, name, quantity)] = value
-
-    def place(self, kind: str, name: str, where: str) -> None:
-        """Notes where a subject stands."""
-        self.places[kind, name] = where
-
-    def plain_table(self) -> Table:
-        """All that was noted, of a file that may state anything."""
-        facts = {key: plain_value(value) for key, value in self.facts.items()}
-        return Table(facts, dict(self.places))
-
-    def table(self) -> Table:
-        """All that was noted."""
-        return Table(dict(self.facts), dict(self.places))

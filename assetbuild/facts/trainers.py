@@ -1,20 +1,29 @@
-"""What the modules of all trainers have in common: patterns of names, the start, event terms."""
+"""What the modules of all trainers have in common: names, the start, and what the recipe draws.
+
+`drawn:density` of a body, `drawn:kp` of a joint: the least and the most, of a factor or of an
+offset in SI units. A range that changes nothing is no fact.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from assetbuild.facts.derived import start_of
-from assetbuild.facts.draws import put_draw
+import numpy as np
+
+from assetbuild.facts._standins_child import ARGUMENTS
+from assetbuild.facts.derived import first_match, per_axis, start_of
+from assetbuild.facts.reader import all_but
 from assetbuild.facts.reference import Reference, pose_value
-from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
-from assetbuild.facts.table import FactCollector, Value
-from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
+from assetbuild.facts.standins import Record, class_of, table_of, words_of
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.vocabulary import MUJOCO_OPTIONS
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.pose import Pose
 
 Names = Mapping[str, str]
 """The robot's names by those of a module."""
@@ -48,9 +57,8 @@ def left_to_the_asset(*besides: str) -> dict[str, str]:
     one trainer's module states as well.
     """
     reason = "stands in the MJCF or USD that the module loads, or is the trainer's own"
-    rows = [f"{kind} {name}" for kind, name in VOCABULARY if kind != "simulation"]
-    rows += MUJOCO_OPTIONS
-    return {row: reason for row in rows if row not in STATED and row not in besides}
+    others = all_but(("simulation", *STATED, *besides), reason)
+    return others | {row: reason for row in MUJOCO_OPTIONS if row not in besides}
 
 
 def own_names(table: object) -> Names:
@@ -85,9 +93,7 @@ def delay_s(steps: Sequence[float], timestep_s: float) -> tuple[float, ...]:
 # --- the start --------------------------------------------------------------------------------
 
 
-def put_start(
-    start: Record, quat: Sequence[float], form: str, names: Names, facts: FactCollector
-) -> None:
+def put_start(start: Record, quat: Sequence[float], form: str, names: Names, facts: Table) -> None:
     """Where the root and the joints start, those that it does not name at 0. quat: w, x, y, z."""
     pose = (*start.get("pos", (0.0, 0.0, 0.0)), *quat)
     # PhysX refuses a quaternion of another length than 1, and comparing poses does not see it.
@@ -99,7 +105,7 @@ def put_start(
 
 
 def put_expected_start(
-    reference: Reference, form: str, soft_limits: float, clearance_m: float, facts: FactCollector
+    reference: Reference, form: str, soft_limits: float, clearance_m: float, facts: Table
 ) -> None:
     """What `put_start` must find. clearance_m: how much higher the root is put."""
     start = start_of(reference.tree, reference.control)
@@ -119,7 +125,7 @@ def put_terms(
     known: Mapping[str, Term],
     bodies: Names,
     joints: Names,
-    facts: FactCollector,
+    facts: Table,
     groups: Sequence[Sequence[str]] = (),
 ) -> None:
     """What `EventTermCfg`s draw. groups: joints of each drive, which a term names by its place."""
@@ -162,3 +168,85 @@ def _subjects(
         yield from (("joint", joint) for place in entity["actuator_ids"] for joint in groups[place])
     else:
         yield "robot", ""
+
+
+Ranges = Mapping[str, Any]
+"""A section of the recipe's `randomize`. Any: JSON."""
+Draws = Callable[[Actuator | None, str], object]
+"""Whether a format draws one of `FACTORS` of a joint with this drive."""
+FACTORS = ("kp", "kd", "effort", "damping", "friction", "armature")
+SHEARS = ("shear 12", "shear 13", "shear 23")
+OF_MATTER = ("density", "com x", "com y", "com z", "stretch", *SHEARS)
+
+
+def varied(reference: Reference, section: str, name: str) -> Ranges | None:
+    """What the recipe's `randomize` says of a body (`links`) or a joint (`joints`)."""
+    table = (reference.options.get("randomize") or {}).get(section) or {}
+    ranges: Ranges | None = first_match(table, name)
+    return ranges
+
+
+def put_draw(table: Table, kind: str, name: str, word: str, stated: Any) -> None:  # Any: JSON
+    """Note what is drawn of a subject; several draws of one quantity one after another."""
+    numbers = tuple(_flat(stated))
+    unchanged = 1.0 if word in (*FACTORS, "density") else 0.0
+    if any(number != unchanged for number in numbers):
+        key = Key(kind, name, f"drawn:{word}")
+        before: Value = table.facts.get(key, ())
+        table.facts[key] = (*before, *numbers)  # type: ignore[misc] # a tuple, as written here
+
+
+def _flat(stated: Any) -> Iterator[Any]:  # Any: as above
+    """All numbers of a matrix, row by row."""
+    if isinstance(stated, list | tuple):
+        for item in stated:
+            yield from _flat(item)
+    elif stated is not None:
+        yield stated
+
+
+def drawn(reference: Reference, draws: Draws, without: tuple[str, ...] = ()) -> Table:
+    """All that a format must draw. without: the words that it has no way to draw."""
+    table, tree = Table(), reference.tree
+    recipe = reference.options.get("randomize") or {}
+    for body in tree.bodies:
+        matter = varied(reference, "links", body.name)
+        for word, pair in _matter(matter) if matter and not body.is_massless else ():
+            put_draw(table, "body", body.name, word, pair)
+    for payload in recipe.get("payloads", ()):
+        name, X_body_link = tree.placement(payload["link"])
+        if not tree.by_body[name].is_massless:
+            put_draw(table, "body", name, "payload mass", payload["mass"])
+            put_draw(table, "body", name, "payload box", _box(payload, X_body_link))
+    for joint in tree.moving_joints:
+        ranges = varied(reference, "joints", joint.name) or {}
+        row = reference.control.by_joint.get(joint.name)
+        for word in FACTORS:
+            if draws(row, word):
+                put_draw(table, "joint", joint.name, word, ranges.get(word))
+        bias = ranges.get("encoder_bias") or 0.0
+        put_draw(table, "joint", joint.name, "encoder bias", (-bias, bias))
+    put_draw(table, "robot", "", "surface friction", recipe.get("friction"))
+    put_draw(table, "robot", "", "restitution", recipe.get("restitution"))
+    return table.only(lambda key: key.quantity.removeprefix("drawn:") not in without)
+
+
+def _matter(matter: Ranges) -> Iterator[tuple[str, tuple[float, float]]]:
+    yield "density", tuple(matter["density"])
+    for axis, most in zip("xyz", per_axis(matter["com"]), strict=True):
+        yield f"com {axis}", (-most, most)
+    yield "stretch", (-matter["stretch"], matter["stretch"])
+    for shear in SHEARS:
+        yield shear, (-matter["shear"], matter["shear"])
+
+
+def _box(payload: Ranges, X_body_link: Pose) -> list[list[float]]:
+    """(4, 4) [[S, h], [h, 1]] of one kilogram: second moments e²/12 along its edges, m²."""
+    turn = X_body_link.rotation
+    centre = turn @ np.array(payload["at"]) + np.array(X_body_link.xyz)
+    matter = np.eye(4)
+    second = turn @ np.diag(np.square(payload["size"]) / 12.0) @ turn.T
+    matter[:3, :3] = second + np.outer(centre, centre)
+    matter[:3, 3] = matter[3, :3] = centre
+    box: list[list[float]] = matter.tolist()
+    return box

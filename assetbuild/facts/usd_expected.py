@@ -20,8 +20,14 @@ from assetbuild.facts.derived import (
     start_of,
     weightless,
 )
-from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
-from assetbuild.facts.table import FactCollector, Key, Table, Value, pair_name
+from assetbuild.facts.reference import (
+    Reference,
+    filtered_pairs,
+    masks_meet,
+    mimic_facts,
+    pose_value,
+)
+from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.grouping import grouped
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import MOVING, Actuator, Contact, Mimic, Tree
@@ -60,30 +66,32 @@ Options = Mapping[str, Any]  # Any: plain JSON
 def usd_table(robot_facts: Table, reference: Reference) -> Table:
     """Everything that `<robot>.usda` says. robot_facts: the robot's facts that USD holds."""
     options: Options = reference.options.get("usd") or {}
-    tree, control, collector = reference.tree, reference.control, FactCollector()
-    collector.facts |= robot_facts.facts
-    collector.put("robot", "", _root(reference))
+    tree, control, table = reference.tree, reference.control, Table()
+    table.facts |= robot_facts.facts
+    table.put("robot", "", _root(reference))
     root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
-    collector.put(*root, _articulation(reference))
-    _bodies(reference, collector)
-    _joints(reference, options, collector)
+    solver = solver_of(reference).items()
+    table.put(*root, {f"usd:physxArticulation:{SOLVER[key][0]}": v for key, v in solver})
+    table.put(*root, {"usd:newton:selfCollisionEnabled": touches_itself(reference)})
+    _bodies(reference, table)
+    _joints(reference, options, table)
     for loop in control.loops:  # a `connect` is a weld that leaves the turn free
         free: dict[str, Value] = {"usd:mjc:torqueScale": 0.0} if loop.kind == "connect" else {}
         softness: dict[str, Value] = {"usd:mjc:solref": loop.solref, "usd:mjc:solimp": loop.solimp}
-        collector.put("loop", loop.name, softness | free)
+        table.put("loop", loop.name, softness | free)
     for camera in control.cameras:
         width, height = camera.resolution
-        collector.put("camera", camera.name, {"usd:aspect": width / height, "usd:depths": DEPTHS_M})
+        table.put("camera", camera.name, {"usd:aspect": width / height, "usd:depths": DEPTHS_M})
     own_surfaces = dict(control.contacts)
     for shape in reference.shapes.shapes:
         instanced = shape.role == "visual" and options.get("instanceable", True)
-        collector.put("shape", shape.name, _drawn(shape, instanced=instanced))
+        table.put("shape", shape.name, _drawn(shape, instanced=instanced))
     for shape in reference.shapes.of("collision"):
         surface = own_surfaces.get(shape.name, control.contact)
-        collector.put("shape", shape.name, _collider(shape, surface))
+        table.put("shape", shape.name, _collider(shape, surface))
     for a, b in _shape_pairs(reference):
-        collector.put("shape pair", pair_name(a, b), {"usd:filtered": True})
-    return collector.table()
+        table.put("shape pair", pair_name(a, b), {"usd:filtered": True})
+    return table
 
 
 # --- what PhysX is asked for
@@ -121,6 +129,8 @@ def _root(reference: Reference) -> dict[str, Value]:
     tree = reference.tree
     fixed = tree.base == "fixed"
     joints: Value = (*((WORLD_JOINT,) if fixed else ()), *tree.by_joint)
+    frames = grouped(tree.frames, lambda frame: frame.body)  # each body has its own behind it
+    links = [(b.name, *(f.name for f in frames.get(b.name, ()))) for b in tree.bodies]
     held: dict[str, Value] = {
         "usd:world joint holds": tree.root,
         "usd:world joint pose": pose_value(tree.X_world_root),
@@ -136,28 +146,13 @@ def _root(reference: Reference) -> dict[str, Value]:
         "usd:kind": "component",
         "usd:mass": total_mass(tree),
         "usd:rigid_body_count": len(tree.bodies),
-        "usd:isaac:robotLinks": tuple(_links_and_sites(tree)),
+        "usd:isaac:robotLinks": sum(links, ()),
         **({"usd:isaac:robotJoints": joints} if joints else {}),
         **(held if fixed else {}),
     }
 
 
-def _links_and_sites(tree: Tree) -> Iterator[str]:
-    """Each body, followed by the frames on it."""
-    for body in tree.bodies:
-        yield body.name
-        yield from (frame.name for frame in tree.frames if frame.body == body.name)
-
-
-def _articulation(reference: Reference) -> dict[str, Value]:
-    solver = solver_of(reference)
-    return {
-        "usd:newton:selfCollisionEnabled": touches_itself(reference),
-        **{f"usd:physxArticulation:{SOLVER[key][0]}": value for key, value in solver.items()},
-    }
-
-
-def _bodies(reference: Reference, collector: FactCollector) -> None:
+def _bodies(reference: Reference, table: Table) -> None:
     light = weightless(reference.control)
     rigid = rigid_of(reference)
     rigid["max_angular_velocity"] /= DEGREE
@@ -165,38 +160,38 @@ def _bodies(reference: Reference, collector: FactCollector) -> None:
     for body in reference.tree.bodies:
         if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
             for quantity in ("centre of mass", "inertia"):
-                collector.facts.pop(Key("body", body.name, quantity), None)
-        collector.put("body", body.name, words)
+                table.facts.pop(Key("body", body.name, quantity), None)
+        table.put("body", body.name, words)
         if body.name in light:
-            collector.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
+            table.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
 
 
 # --- joints
 
 
-def _joints(reference: Reference, options: Options, collector: FactCollector) -> None:
+def _joints(reference: Reference, options: Options, table: Table) -> None:
     tree, control = reference.tree, reference.control
     starts = dict(start_of(tree, control).joints)
     springs = free_springs(control)
     for joint in tree.joints:
         name, row = joint.name, control.by_joint.get(joint.name)
-        collector.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
+        table.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
         if joint.kind in MOVING:
             drive_type = options.get("drive_type", "force")
             driven = _driven(row, starts[name], springs.get(name), drive_type)
             if "usd:drive type" in driven:
                 axis = "linear" if joint.kind == "prismatic" else "angular"
                 driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
-            collector.put("joint", name, driven | {"usd:engines": ENGINES})
+            table.put("joint", name, driven | {"usd:engines": ENGINES})
         if row and (law := explicit_law(row)):
             words = {f"usd:newton:{word}": value for word, value in law.items()}
-            collector.put("actuator", name, {"usd:drives": (name,), **words})
+            table.put("actuator", name, {"usd:drives": (name,), **words})
         if joint.mimic is not None:
-            _mimic(name, joint.mimic, tree, collector, coupled=options.get("mimics", True))
+            _mimic(name, joint.mimic, tree, table, coupled=options.get("mimics", True))
     for name, (stiffness, damping) in limit_springs(tree, control).items():
         limit = dict(control.soft_limits).get(name)
         per_unit = 1.0 if tree.by_joint[name].kind == "prismatic" else DEGREE
-        collector.put("joint", name, {
+        table.put("joint", name, {
             "usd:newton:limitStiffness": stiffness * per_unit,
             "usd:newton:limitDamping": damping * per_unit,
             "usd:mjc:solreflimit": limit.solref if limit else SOLREF,
@@ -227,16 +222,16 @@ def _driven(
     return facts
 
 
-def _mimic(name: str, mimic: Mimic, tree: Tree, collector: FactCollector, *, coupled: bool) -> None:
+def _mimic(name: str, mimic: Mimic, tree: Tree, table: Table, *, coupled: bool) -> None:
     """`mimics: false` couples none. Newton follows the joint at the head of a chain."""
     if not coupled:
         for quantity in mimic_facts(mimic):
-            collector.facts.pop(Key("joint", name, quantity), None)
+            table.facts.pop(Key("joint", name, quantity), None)
         return
     first = mimic_facts(leader_of(tree, mimic))
-    collector.put("joint", name, {f"usd:newton:{quantity}": v for quantity, v in first.items()})
+    table.put("joint", name, {f"usd:newton:{quantity}": v for quantity, v in first.items()})
     axes = ("usd:mimic axis", "usd:reference axis")
-    collector.put("joint", name, dict.fromkeys(axes, "the joint's own"))
+    table.put("joint", name, dict.fromkeys(axes, "the joint's own"))
 
 
 # --- shapes
@@ -279,6 +274,5 @@ def _shape_pairs(reference: Reference) -> Iterator[tuple[str, str]]:
         for a, b in itertools.product(solid[one], solid[two]):
             first, second = (contacts.get(shape.name, control.contact) for shape in (a, b))
             touch = all(s.contype or s.conaffinity for s in (first, second))
-            meet = first.contype & second.conaffinity or second.contype & first.conaffinity
-            if touch and not meet:
+            if touch and not masks_meet(first, second):
                 yield a.name, b.name

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from assetbuild.facts.reference import pose_value
-from assetbuild.facts.table import FactCollector, Value
-from assetbuild.facts.usd_prims import Places, Prim, pose_of
+from assetbuild.facts.table import Table, Value
+from assetbuild.facts.usd_prims import AXES, Places, Prim, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
 TYPES = {
@@ -27,7 +27,6 @@ TYPES = {
 MOVING = ("rotary", "linear")
 COUPLED = math.radians(1e8)
 """Stands for no limit of a hinge: PhysX couples two angles only within limits."""
-AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 BRAKES: Mapping[str, tuple[str, ...]] = {
     "armature": ("physxJointAxis:armature", "physxJoint:armature", "newton:armature"),
     "friction": ("physxJointAxis:staticFrictionEffort", "physxJoint:jointFriction",
@@ -90,14 +89,14 @@ class JointPrim:
         return "angular" if self.angular else "linear"
 
 
-def joint_facts(joints: Sequence[JointPrim], collector: FactCollector) -> None:
+def joint_facts(joints: Sequence[JointPrim], table: Table) -> None:
     """Facts of all joints but those that hold the base; of those that close loops, as loops."""
     by_path = {joint.prim.path: joint for joint in joints}
     for joint in joints:
         if joint.holds_base:
             continue
         if joint.closes_loop:
-            collector.put("loop", joint.prim.named("loop", collector), _loop(joint))
+            table.put("loop", joint.prim.named("loop", table), _loop(joint))
             continue
         names = joint.names
         facts: dict[str, Value] = {
@@ -110,7 +109,7 @@ def joint_facts(joints: Sequence[JointPrim], collector: FactCollector) -> None:
         if joint.kind in MOVING:
             facts |= _motion(joint) | _drive(joint) | _passive(joint)
             facts |= _mimic(joint, by_path)
-        collector.put("joint", joint.prim.named("joint", collector), facts)
+        table.put("joint", joint.prim.named("joint", table), facts)
 
 
 def _loop(joint: JointPrim) -> dict[str, Value]:

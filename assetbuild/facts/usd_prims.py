@@ -13,11 +13,12 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.table import FactCollector, Value, plain_value
+from assetbuild.facts.table import Table, Value, plain_value
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, normalised_quat, quat_of, vec3
 
 RIGID = 1e-9
 """Scales nearer to 1 than this are rounding."""
+AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 UNLIMITED = 1e30
 """PhysX takes numbers beyond for infinite."""
 
@@ -70,7 +71,7 @@ class Prim:
         """What the robot calls it: its displayName, else its own name."""
         return str(self.prim.GetMetadata("displayName") or self.prim.GetName())
 
-    def named(self, kind: str, facts: FactCollector) -> str:
+    def named(self, kind: str, facts: Table) -> str:
         """Its name, with its path where two of a kind share one; notes where it stands."""
         name = self.name
         if facts.places.get((kind, name), self.path) != self.path:
@@ -212,7 +213,7 @@ def opened(path: Path) -> Iterator[Usd.Stage]:
         raise UsageError(f"`{path}` is not readable as USD: {error}") from None
 
 
-def units_of(stage: Usd.Stage, facts: FactCollector) -> Units:
+def units_of(stage: Usd.Stage, facts: Table) -> Units:
     """Units of a stage, noted with its up axis; UsageError where one is not positive."""
     units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
     if not (units.metre > 0.0 and units.kilogram > 0.0):

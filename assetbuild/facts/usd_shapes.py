@@ -14,11 +14,11 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface, measure, pixel_digest
-from assetbuild.facts.table import FactCollector, Value, pair_name
-from assetbuild.facts.usd_prims import Places, Prim, Units, rigid
+from assetbuild.facts.table import Table, Value, pair_name
+from assetbuild.facts.usd_prims import AXES, Places, Prim, Units, rigid
+from assetbuild.grouping import grouped
 from assetbuild.robot.pose import Array, Pose, quat_between
 
-AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 CONTACT: Mapping[str, tuple[float, ...]] = {
     "condim": (3.0,),
     "priority": (0.0,),
@@ -53,7 +53,7 @@ class Collider:
 
 
 def read_shapes(
-    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, collector: FactCollector
+    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, table: Table
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
     measured = functools.cache(functools.partial(_measure, units=places.units))
@@ -61,7 +61,7 @@ def read_shapes(
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
-        name = (holder or prim).named("shape", collector)
+        name = (holder or prim).named("shape", table)
         if holder and alone.count(holder.path) > 1:
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
@@ -74,7 +74,7 @@ def read_shapes(
         else:
             material, _ = UsdShade.MaterialBindingAPI(prim.prim).ComputeBoundMaterial()
             facts |= look(material.GetPrim()) if material else {}
-        collector.put("shape", name, facts)
+        table.put("shape", name, facts)
     return colliders
 
 
@@ -131,8 +131,8 @@ def _geometry(
         placed = corners @ within[:3, :3].T + within[:3, 3]
         return {"geometry": "mesh"} | measure(placed, uv).facts()
     token = prim.text("axis") or "Z"
-    if token in AXES:
-        pose = pose @ Pose(quat=quat_between((0.0, 0.0, 1.0), AXES[token]))
+    if token in ("X", "Y"):
+        pose = pose @ Pose(quat=quat_between(AXES["Z"], AXES[token]))
     kind = {"Cube": "box"}.get(prim.type, prim.type.lower())
     size = _size(prim, np.abs(scale) * places.units.metre, "XYZ".find(token))
     return {"geometry": kind, "pose": pose_value(pose), "size": tuple(map(float, size))}
@@ -212,37 +212,29 @@ def pair_facts(
     filters: Iterable[tuple[str, str]],
     apart: Iterable[tuple[str, ...]],
     articulated: Collection[str],
-    collector: FactCollector,
+    table: Table,
 ) -> None:
     """Pairs of bodies, and of single shapes, that never touch.
 
     filters: pairs of paths, of bodies or shapes; one of a body that carries the articulation speaks
     for the whole robot. apart: bodies that a joint keeps apart.
     """
-    of_body: dict[str, list[int]] = {}
-    for index, one in enumerate(colliders):
-        of_body.setdefault(one.body, []).append(index)
-    by_path = {one.path: [index] for index, one in enumerate(colliders)} | of_body
-    by_path |= {path: list(range(len(colliders))) for path in articulated}
+    of_body = grouped(colliders, lambda one: one.body)
+    by_path = {one.path: [one] for one in colliders} | of_body
+    by_path |= {path: [*colliders] for path in articulated}
     sides = [[by_path.get(path, ()) for path in pair] for pair in filters]
     sides += [[of_body.get(body, ()) for body in pair] for pair in apart]
     never = {frozenset(pair) for two in sides for pair in itertools.product(*two)}
     bodies_in_order = sorted(of_body, key=lambda path: names.get(path, path))
     for left, right in itertools.combinations(bodies_in_order, 2):
-        pairs = [
-            (a, b)
-            for a, b in itertools.product(of_body[left], of_body[right])
-            if colliders[a].touches and colliders[b].touches
-        ]
-        kept = [frozenset(pair) in never for pair in pairs]
-        if all(kept):
+        solid = ([one for one in of_body[body] if one.touches] for body in (left, right))
+        kept = {pair: frozenset(pair) in never for pair in itertools.product(*solid)}
+        if all(kept.values()):
             named = pair_name(names.get(left, left), names.get(right, right))
-            collector.put("pair", named, {"filtered": True})
+            table.put("pair", named, {"filtered": True})
             continue
-        for (a, b), is_apart in zip(pairs, kept, strict=True):
-            if is_apart:
-                both = pair_name(colliders[a].name, colliders[b].name)
-                collector.put("shape pair", both, {"usd:filtered": True})
+        for a, b in (pair for pair in kept if kept[pair]):
+            table.put("shape pair", pair_name(a.name, b.name), {"usd:filtered": True})
 
 
 # --- meshes --------------------------------------------------------------------------------------

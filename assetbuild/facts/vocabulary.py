@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from assetbuild.facts.table import Value
 from assetbuild.robot.model import Simulation
@@ -52,13 +52,8 @@ class Quantity:
     unstated: Value | Required = REQUIRED
 
 
-def _of(kind: str, *rows: tuple[object, ...]) -> tuple[Quantity, ...]:
-    return tuple(Quantity(kind, *row) for row in rows)  # type: ignore[arg-type] # rows of a table below
-
-
-_ROWS: tuple[Quantity, ...] = (
-    *_of(
-        "robot",
+_ROWS: Mapping[str, tuple[tuple[Any, ...], ...]] = {  # Any: as the fields of a quantity
+    "robot": (
         ("base", "text", "", "CRITICAL", "`fixed` to the world or `floating`"),
         ("base pose", "pose", "m", "CRITICAL",
          "where a fixed root is held in the world", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)),
@@ -73,8 +68,7 @@ _ROWS: tuple[Quantity, ...] = (
         ("metres per unit", "number", "m", "CRITICAL", "length of one unit of the file", 1.0),
         ("kilograms per unit", "number", "kg", "CRITICAL", "mass of one unit of the file", 1.0),
     ),
-    *_of(
-        "body",
+    "body": (
         ("parent", "text", "", "CRITICAL", "the body above it", ""),
         ("pose", "pose", "m", "CRITICAL", "in its parent where every joint is 0"),
         ("mass", "number", "kg", "CRITICAL", "mass", 0.0),
@@ -82,13 +76,11 @@ _ROWS: tuple[Quantity, ...] = (
         ("inertia", "tensor", "kg m2", "HIGH",
          "about the centre of mass, in the body's axes", None),
     ),
-    *_of(
-        "frame",
+    "frame": (
         ("body", "text", "", "HIGH", "the body that carries it"),
         ("pose", "pose", "m", "HIGH", "in that body"),
     ),
-    *_of(
-        "joint",
+    "joint": (
         ("type", "text", "", "CRITICAL", "rotary, linear, fixed, planar or floating"),
         ("body", "text", "", "CRITICAL", "the body that it moves"),
         ("parent", "text", "", "CRITICAL", "the body that it moves it against", ""),
@@ -122,8 +114,7 @@ _ROWS: tuple[Quantity, ...] = (
         ("drive target", "number", "rad or m", "HIGH",
          "position at which the drive aims at the start", None),
     ),
-    *_of(
-        "loop",
+    "loop": (
         ("type", "text", "", "CRITICAL",
          "connect: two points stay together; weld: two frames do"),
         ("body a", "text", "", "CRITICAL", "the body at one end"),
@@ -134,8 +125,7 @@ _ROWS: tuple[Quantity, ...] = (
         ("torque scale", "number", "m", "MEDIUM",
          "weight of a weld's turn in MuJoCo's solver", None),
     ),
-    *_of(
-        "shape",
+    "shape": (
         ("role", "text", "", "HIGH", "visual or collision"),
         ("body", "text", "", "CRITICAL", "the body that carries it"),
         ("geometry", "text", "", "HIGH", "box, sphere, cylinder, capsule or mesh"),
@@ -167,36 +157,31 @@ _ROWS: tuple[Quantity, ...] = (
         ("collides", "flag", "", "CRITICAL", "whether anything can touch it", None),
         ("restitution", "number", "", "MEDIUM", "bounciness", 0.0),
     ),
-    *_of(
-        "pair",
+    "pair": (
         ("filtered", "flag", "", "CRITICAL",
          "two bodies that never collide, though both have collision shapes", False),
     ),
-    *_of(
-        "sensor",
+    "sensor": (
         ("type", "text", "", "HIGH", "MJCF's word: gyro, accelerometer, ..."),
         ("object", "text", "", "HIGH", "what it measures"),
         ("reference", "text", "", "HIGH", "in whose frame it measures", ""),
         ("cutoff", "number", "unit of the sensor", "MEDIUM", "largest reading", 0.0),
         ("noise", "number", "unit of the sensor", "LOW", "standard deviation", 0.0),
     ),
-    *_of(
-        "camera",
+    "camera": (
         ("body", "text", "", "MEDIUM", "what carries it"),
         ("pose", "pose", "m", "MEDIUM", "in that body"),
         ("field of view", "number", "rad", "MEDIUM", "vertical"),
         ("resolution", "vector", "pixels", "LOW", "width and height", None),
         ("tracking", "text", "", "LOW", "how it follows", "fixed"),
     ),
-    *_of(
-        "keyframe",
+    "keyframe": (
         ("base pose", "pose", "m", "HIGH", "of a floating base in the world", None),
         ("position", "number", "rad or m", "HIGH",
          "of a joint: subject `keyframe home/FR_hip_joint`"),
         ("target", "number", "rad or m", "HIGH", "command of that joint's drive", None),
     ),
-    *_of(
-        "simulation",
+    "simulation": (
         ("timestep", "number", "s", "HIGH", "of the simulation", None),
         ("decimation", "number", "", "HIGH", "simulation steps for each control step", None),
         ("gravity", "vector", "m/s2", "CRITICAL", "in the world", None),
@@ -208,15 +193,16 @@ _ROWS: tuple[Quantity, ...] = (
         ("impratio", "number", "", "MEDIUM", "frictional to normal impedance", 1.0),
         ("tolerance", "number", "", "MEDIUM", "improvement at which that solver stops", 1e-8),
     ),
-    *_of(
-        "floor",
+    "floor": (
         ("height", "number", "m", "HIGH", "of the scene's floor"),
         ("friction", "vector", "1, m, m", "HIGH",
          "of that floor: sliding, torsional, rolling", None),
     ),
-)  # fmt: skip
+}  # fmt: skip
 
-VOCABULARY: Mapping[tuple[str, str], Quantity] = {(row.kind, row.name): row for row in _ROWS}
+VOCABULARY: Mapping[tuple[str, str], Quantity] = {
+    (kind, row[0]): Quantity(kind, *row) for kind, rows in _ROWS.items() for row in rows
+}
 """Every quantity by (kind, name)."""
 MUJOCO_OPTIONS = tuple(
     f"simulation {name}"

@@ -22,8 +22,7 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import StepError
 from assetbuild.facts.again.files import rows_of
-from assetbuild.facts.again.row import NotParsedError, Row, row_findings
-from assetbuild.facts.again.tree import same
+from assetbuild.facts.again.tree import NotParsedError, Row, row_findings, same
 from assetbuild.facts.again.written import Written, read_signed
 from assetbuild.facts.compare import EQUAL
 from assetbuild.facts.reader import UNREADABLE

@@ -196,7 +196,7 @@ def _mjcf(file: Path) -> Iterator[Finding]:
 def _usd(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.usd_valid import lint_file
     from assetbuild.facts.reader import BROKEN
-    from assetbuild.facts.readers.usd import UsdReader, ignored_words
+    from assetbuild.facts.readers._usd import UsdReader, ignored_words
     from assetbuild.pipeline.usd_numbers import lint_numbers
 
     yield from lint_file(file)

@@ -11,7 +11,7 @@ import numpy as np
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.again.files import rows_of
-from assetbuild.facts.again.row import NotParsedError, groups
+from assetbuild.facts.again.tree import NotParsedError, groups
 from assetbuild.facts.compare import Difference, differences, value_text
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required

@@ -219,7 +219,7 @@ def readings(path: Path) -> tuple[Table, str]:
 
 def config_side(path: Path, name: str, known: Side | None) -> Side:
     """An Isaac Lab configuration in a Python file; its patterns mean the joints of `known`."""
-    from assetbuild.facts.isaaclab_config import read_config
+    from assetbuild.facts.readers.isaaclab import read_config
 
     tables = (form.read() for form in (known.forms.values() if known else ()))
     joints = next((table.names("joint") for table in tables), ())

@@ -10,7 +10,7 @@ from robot_files import run_step, write_robot_ports
 from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-from assetbuild.checks.oracle import Oracle
+from assetbuild.checks._pinocchio import Oracle
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode

@@ -15,7 +15,7 @@ from pxr import Gf, Usd, UsdPhysics
 from robot_files import check_inputs, run_step, spoil_stage
 from tiny import TinyRobot, box_inertial, pendulum, sprung, tiny_quadruped
 
-from assetbuild.checks.physx_readback import PhysxReadback, _judge_motion
+from assetbuild.checks._physx import PhysxReadback, _judge_motion
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
@@ -302,7 +302,7 @@ def test_a_robot_in_the_origin_gets_no_world_and_names_never_clash() -> None:
 def read_back(robot: TinyRobot, folder: Path, place: Pose = ON_THE_WALL) -> list[Finding]:
     """place: written over the robot's own prim."""
     pytest.importorskip("ovphysx", reason="needs the extra `physx`")
-    from assetbuild.checks.physx_readback import PhysxReadback
+    from assetbuild.checks._physx import PhysxReadback
 
     def move(stage: Usd.Stage) -> None:
         prim = stage.GetPrimAtPath("/robot")

@@ -22,9 +22,9 @@ from robot_files import models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped, with_mimic
 
 import assetbuild
+from assetbuild.checks._newton import SmokeNewton, run_of
+from assetbuild.checks._newton import evaluate as judged_newton
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _rounded_figures, evaluate
-from assetbuild.checks.smoke_newton import SmokeNewton, run_of
-from assetbuild.checks.smoke_newton import evaluate as judged_newton
 from assetbuild.cli import main
 from assetbuild.cli.smoke import environments_to_make
 from assetbuild.engine.world import World

@@ -66,10 +66,8 @@ ELSEWHERE = {
     "assetbuild.checks.policy": "only where a recipe names a policy: see its own tests",
     "assetbuild.checks._newton": "needs the trainer",
     "assetbuild.checks._physx": "needs PhysX",
-    "assetbuild.checks.physx_readback": "needs PhysX",
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",
     "assetbuild.checks.smoke_mjlab": "needs the trainer",
-    "assetbuild.checks.smoke_newton": "needs the trainer",
     "assetbuild.checks._foreign": "needs the extra `lint`, or the validator",
     "assetbuild.source.get.fetch": "needs the network",
 }

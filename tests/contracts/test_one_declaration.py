@@ -19,7 +19,7 @@ from tiny import TinyRobot, tiny_quadruped
 from assetbuild.control.control import ControlStep
 from assetbuild.control.source_control import StatedControl, join
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.findings import Finding
 from assetbuild.plugins import load_plugin, plugin_names

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from assetbuild.facts.again.files import rows_of
-from assetbuild.facts.again.row import NotParsedError, Row, row_findings
+from assetbuild.facts.again.tree import NotParsedError, Row, row_findings
 
 URDF = """<robot name="arm">
   <link name="base"/>

@@ -9,9 +9,9 @@ import pytest
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision, differences
-from assetbuild.facts.reader import Lost, losses
+from assetbuild.facts.reader import Lost, Reader
+from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.facts.readers.urdf import UrdfFacts
-from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key, Table
@@ -135,9 +135,7 @@ def test_what_a_format_goes_without_is_counted(
     """The expected numbers are the robot's own: how many sensors, cameras and poses it states."""
     facts = table(pendulum(), control)
     for reader, expected in ((UrdfFacts, urdf), (UsdReader, usd)):
-        found = list(
-            losses(facts, reader.format_id, "it", reader.lacks, simulated=reader.simulated)
-        )
+        found = list(reader.losses(facts))
         assert [(f.rule, f.severity, f.data) for f in found] == (
             [(f"lost.{reader.format_id}", "info", expected)] if expected else []
         )
@@ -159,5 +157,6 @@ def test_a_lost_motion_is_an_error_where_robots_are_simulated(
     lacks: Mapping[str, str], simulated: bool, severity: str | None
 ):
     robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
-    found = list(losses(table(robot, robot.control), "x", "an X", lacks, simulated=simulated))
+    fields = {"format_id": "x", "display_name": "an X", "lacks": lacks, "simulated": simulated}
+    found = list(type("ReadsX", (Reader,), fields).losses(table(robot, robot.control)))
     assert [(f.rule, f.severity) for f in found] == ([("lost.x", severity)] if severity else [])

@@ -22,9 +22,7 @@ from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.readers.bare import BareFacts
-from assetbuild.facts.readers.mjcf import MjcfFacts
-from assetbuild.facts.readers.mjx import MjxFacts
+from assetbuild.facts.readers._mjcf import BareFacts, MjcfFacts, MjxFacts
 from assetbuild.facts.readers.scene import SceneFacts
 from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding

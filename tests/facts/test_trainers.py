@@ -16,9 +16,8 @@ from writer_bugs import plant
 
 from assetbuild.engine.step import Step
 from assetbuild.errors import UsageError
-from assetbuild.facts.isaaclab_config import read_config
 from assetbuild.facts.reader import Proof, Reader
-from assetbuild.facts.readers.isaaclab import IsaacLabReader
+from assetbuild.facts.readers.isaaclab import IsaacLabReader, read_config
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.facts.surface import measure

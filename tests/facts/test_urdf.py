@@ -17,7 +17,7 @@ from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision, differences
-from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.facts.surface import pixel_digest

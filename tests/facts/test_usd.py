@@ -17,7 +17,7 @@ from robot_files import check_inputs, run_step, spoil_stage
 from tiny import TinyRobot, four_bar, pendulum, sprung, tiny_quadruped
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.readers.usd import UsdReader, ignored_words
+from assetbuild.facts.readers._usd import UsdReader, ignored_words
 from assetbuild.findings import Finding
 from assetbuild.robot.model import (
     Contact,

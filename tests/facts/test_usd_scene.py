@@ -11,7 +11,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from robot_files import check_inputs, run_step, spoil_stage
 from tiny import TinyRobot, pendulum, tiny_quadruped
 
-from assetbuild.facts.readers.usd_scene import UsdSceneReader
+from assetbuild.facts.readers._usd import UsdSceneReader
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Contact, Simulation
 from assetbuild.robot.pose import Pose, normalised_quat

@@ -14,7 +14,7 @@ from assetbuild.checks.full_effort import FullEffort
 from assetbuild.cli import main
 from assetbuild.engine.graph import Node
 from assetbuild.engine.make import NodeResult
-from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.pipeline.judging import _not_compared, _result, licence_findings
 from assetbuild.plan import Outline
 from assetbuild.targets.mjcf import Mjcf

@@ -17,7 +17,7 @@ from random_robots import examples, robots
 from robot_files import run_step, write_robot_ports
 from tiny import TinyRobot, ball_inertial, box_inertial, tiny_quadruped
 
-from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.contact_filter import ContactFilter, passing_pairs
 from assetbuild.robot.model import (

@@ -11,11 +11,10 @@ import pytest
 from robot_files import check_inputs, run_step
 from tiny import TinyRobot, tiny_quadruped, with_mimic
 
+from assetbuild.facts.readers._mjcf import MjcfFacts
+from assetbuild.facts.readers._usd import UsdReader, UsdSceneReader
 from assetbuild.facts.readers.isaaclab import IsaacLabReader
-from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.mjlab import MjlabReader
-from assetbuild.facts.readers.usd import UsdReader
-from assetbuild.facts.readers.usd_scene import UsdSceneReader
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Body, Joint, Limits, Mimic, Tree

@@ -11,7 +11,7 @@ from pxr import Usd as UsdCore
 from robot_files import check_inputs, run_step
 from tiny import pendulum
 
-from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import MjcfOnly

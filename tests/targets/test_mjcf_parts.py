@@ -11,7 +11,7 @@ from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.errors import StepError
-from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Camera, Contact, LoopEnd, MjcfOnly, Place, Sensor

@@ -19,7 +19,7 @@ from tiny import TinyRobot, pendulum, tiny_quadruped
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.readers.bare import BareFacts
+from assetbuild.facts.readers._mjcf import BareFacts
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.facts.reference import Assets
 from assetbuild.findings import Finding

@@ -16,7 +16,7 @@ from random_robots import examples, robots
 from robot_files import run_step, write_robot_ports
 from tiny import CRANK_M, GROUND_M, TinyRobot, four_bar, pendulum
 
-from assetbuild.checks.urdf_loads import UrdfLoads, loaded
+from assetbuild.checks._pinocchio import UrdfLoads, loaded
 from assetbuild.control.keep import KeepRatings
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.findings import Finding

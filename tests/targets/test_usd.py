@@ -22,7 +22,7 @@ from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped, with_kinds, with_mimic
 
 from assetbuild.errors import StepError
-from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Frame, Inertial, Joint, JointKind, Limits, Tree

@@ -14,7 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
-from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Camera, Contact, LoopEnd

@@ -23,7 +23,7 @@ from xml.etree import ElementTree
 from assetbuild.checks.mjcf_source.at_rest import Facts, Side, read_side
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import EXACT, Difference, Precision, differences, equality_findings
-from assetbuild.facts.mjcf import MESHES
+from assetbuild.facts.mjcf_model import MESHES
 from assetbuild.facts.table import Key, Table, Value, pair_of
 from assetbuild.facts.vocabulary import Comparison
 from assetbuild.findings import Finding, Rule

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import Bodies
-from assetbuild.facts.mjcf_model import shape_name
-from assetbuild.facts.mjcf_parts import pose_of
+from assetbuild.facts.mjcf_model import compiled_facts, shape_name
+from assetbuild.facts.mjcf_parts import Meshes, pose_of
 from assetbuild.facts.reference import inertial_facts
 from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
@@ -95,7 +94,7 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
         option.gravity = (0.0, 0.0, 0.0)
     model = spec.compile()
     bodies = _InRoot(model)
-    table = compiled_facts(model, by_area=True, bodies=bodies)
+    table = compiled_facts(model, bodies=bodies, meshes=Meshes(model, by_area=True))
     rest = {
         name_of(model, "joint", joint): float(model.qpos0[int(model.jnt_qposadr[joint])])
         for joint in range(model.njnt)

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.facts.again.row import Row, groups
-from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
+from assetbuild.facts.again.tree import Node, Row, groups, of_one_sign, same, tree_rows
 from assetbuild.facts.again.xml import xml_tree
 from assetbuild.facts.mjcf_fields import CALLED, subjects
 from assetbuild.simulators.mujoco import Model, mj

@@ -1,14 +1,17 @@
-"""Any file as a tree of what it states, and what differs between two such trees."""
+"""Any file as a tree of what it states, what differs between two such trees, and the findings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from assetbuild.facts.again.row import LONGEST, Row
+from assetbuild.facts.compare import EQUAL, plain_data, slug, so_for, value_text
 from assetbuild.facts.table import Value
+from assetbuild.findings import Finding, Scalar
+from assetbuild.grouping import grouped
 from assetbuild.robot.pose import Array
 
 DOUBLE, SINGLE, ZERO = 1e-9, 2e-7, 1e-14
@@ -119,7 +122,11 @@ def _value_row(one: object, other: object, place: _Place, line: int) -> Row:
 def same(one: object, other: object) -> bool:
     """Whether two values are the same, numbers but for their last digits."""
     if isinstance(one, str) and isinstance(other, str):
-        return one == other or (isinstance(one, Words) and _same_words(one, Words(other)))
+        if one == other or not isinstance(one, Words):
+            return one == other
+        ours, theirs = one.numbers, Words(other).numbers
+        is_text = ours is None or theirs is None
+        return one.split() == other.split() if is_text else same(ours, theirs)
     if not (_is_numeric(one) and _is_numeric(other)):
         return type(one) is type(other) and bool(one == other)
     a, b = np.asarray(one), np.asarray(other)
@@ -127,11 +134,6 @@ def same(one: object, other: object) -> bool:
         return bool(np.array_equal(a, b))
     tolerance = SINGLE if a.dtype.itemsize < 8 else DOUBLE
     return bool(np.allclose(b, a, rtol=tolerance, atol=ZERO, equal_nan=True))
-
-
-def _same_words(one: Words, other: Words) -> bool:
-    a, b = one.numbers, other.numbers
-    return one.split() == other.split() if a is None or b is None else same(a, b)
 
 
 def _is_numeric(value: object) -> bool:
@@ -159,3 +161,78 @@ def quoted(value: object) -> Value:
         return " ".join(str(value).split())[:LONGEST]
     flat = np.ravel(np.asarray(value, dtype=float)).tolist()
     return float(flat[0]) if len(flat) == 1 else tuple(flat[:MOST])
+
+
+LONGEST = 200
+"""Characters of a text that a finding quotes."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One value that differs. kind, name: the subject, as `joint`, `FR_hip_joint`.
+
+    expected: as the writer writes it now; found: as it lies there. None: not stated. line: of the
+    file that lies there, from 1; 0 where lines mean nothing.
+    """
+
+    kind: str
+    name: str
+    attribute: str
+    expected: Value
+    found: Value
+    line: int = 0
+
+    @property
+    def subject(self) -> str:
+        """`joint FR_hip_joint`."""
+        return f"{self.kind} {self.name}".strip()
+
+
+class NotParsedError(Exception):
+    """The file that lies there is not of its kind any more. line: from 1, 0 where unknown."""
+
+    def __init__(self, message: str, line: int = 0) -> None:
+        super().__init__(message)
+        self.message, self.line = message, line
+
+
+def groups(rows: Iterable[Row]) -> list[list[Row]]:
+    """Rows of the same kind, attribute and values together."""
+    alike = grouped(rows, lambda r: (r.kind, r.attribute, repr(r.expected), repr(r.found)))
+    return list(alike.values())
+
+
+def row_findings(rows: Iterable[Row], form: str, file: str) -> Iterator[Finding]:
+    """One finding `equal.<form>.<attribute>` for each group of rows. file: path in the bundle."""
+    for same in groups(rows):
+        first = same[0]
+        data: dict[str, Scalar | tuple[Scalar, ...]] = {
+            "attribute": first.attribute,
+            "expected": plain_data(first.expected),
+            "found": plain_data(first.found),
+        }
+        subjects = tuple(dict.fromkeys(row.subject for row in same))
+        if len(subjects) > 1:
+            data["subjects"] = subjects
+        text = f"{_sentence(first, file)}{so_for(dict.fromkeys(row.name for row in same))}"
+        where = f"{file}:{first.line}" if first.line else file
+        rule = EQUAL.named(f"{form}.{_short(first.attribute)}")
+        yield rule(first.subject, text, data=data, where=where)
+
+
+def _sentence(row: Row, file: str) -> str:
+    """A row in words."""
+    *path, last = row.attribute.split()
+    thing = " ".join(path) or "it"
+    if last == "missing":
+        return f"{file} lacks {thing}: {value_text(row.expected)}"
+    if last == "extra":
+        return f"{file} has {thing}, its writer does not write it: {value_text(row.found)}"
+    found, expected = value_text(row.found), value_text(row.expected)
+    return f"{row.attribute} is {found} in {file}, {expected} by the robot"
+
+
+def _short(attribute: str) -> str:
+    """The last name of an attribute's path, for the rule: `physics:mass` -> `mass`."""
+    last = re.sub(r"\[[^]]*\]", "", attribute).split()[-1:] or ["value"]
+    return slug(last[0].rpartition(":")[2])

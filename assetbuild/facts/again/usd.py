@@ -13,8 +13,16 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdUtils
 
-from assetbuild.facts.again.row import LONGEST, NotParsedError, Row, groups
-from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
+from assetbuild.facts.again.tree import (
+    LONGEST,
+    Node,
+    NotParsedError,
+    Row,
+    groups,
+    of_one_sign,
+    same,
+    tree_rows,
+)
 
 QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 SAID_ONLY = ("comment", "documentation")

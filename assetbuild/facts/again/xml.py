@@ -6,8 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from assetbuild.facts.again.row import NotParsedError
-from assetbuild.facts.again.tree import Node, Words
+from assetbuild.facts.again.tree import Node, NotParsedError, Words
 from assetbuild.xml_text import NotXml, read_tree
 
 if TYPE_CHECKING:

@@ -12,32 +12,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.draws import FACTORS, SHEARS, drawn, varied
+from assetbuild.facts import trainers
+from assetbuild.facts._standins_child import ARGUMENTS, LINE
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.standins import (
-    ARGUMENTS,
-    LINE,
-    Record,
-    class_of,
-    recorded,
-    table_of,
-    words_of,
-)
-from assetbuild.facts.table import FactCollector, Key, Table, Value
-from assetbuild.facts.trainers import (
-    LOOPS,
-    Names,
-    Term,
-    delay_s,
-    left_to_the_asset,
-    matching,
-    number_of,
-    own_names,
-    put_expected_start,
-    put_start,
-    put_terms,
-)
+from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.trainers import LOOPS, Names, Term
 from assetbuild.robot.model import Actuator
 from assetbuild.simulators.mujoco import body_names
 
@@ -67,7 +48,7 @@ FIELDS = {
 """mjlab's fields -> the vocabulary's quantities."""
 MATTER = {"alpha_range": "density", "d_range": "stretch"}
 MATTER |= {f"t{n}_range": f"com {axis}" for n, axis in enumerate("xyz", start=1)}
-MATTER |= {f"{shear.replace('shear ', 's')}_range": shear for shear in SHEARS}
+MATTER |= {f"{shear.replace('shear ', 's')}_range": shear for shear in trainers.SHEARS}
 SCALED = {"operation": "scale"}
 SOLES = {"geom_names": [r".*_collision\d*"], "axes": [0], "shared_random": True, "operation": "abs"}
 TERMS: Mapping[str, Term] = {
@@ -75,7 +56,7 @@ TERMS: Mapping[str, Term] = {
     "carry_payload": Term({"mass_range": "payload mass", "box": "payload box"}),
     "pd_gains": Term({"kp_range": "kp", "kd_range": "kd"}),
     "effort_limits": Term({"effort_limit_range": "effort"}),
-    **{f"joint_{word}": Term({"ranges": word}, SCALED) for word in FACTORS[3:]},
+    **{f"joint_{word}": Term({"ranges": word}, SCALED) for word in trainers.FACTORS[3:]},
     "encoder_bias": Term({"bias_range": "encoder bias"}),
     "geom_friction": Term({"ranges": "surface friction"}, SOLES),
 }
@@ -90,23 +71,22 @@ class MjlabReader(Reader):
     format_id: ClassVar[str] = FORM
     display_name: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
-    written: ClassVar[str] = "python/*_mjlab.py"
     file_globs: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     recipe_sections: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
-    lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("simulation cone", "simulation impratio")
+    lacks: ClassVar[Mapping[str, str]] = trainers.left_to_the_asset(
+        "simulation cone", "simulation impratio"
+    )
 
     def read(self, path: Path) -> Table:
         """The facts of a module, by the names that it writes out."""
-        record = recorded(path, CALLS)
-        start = table_of(table_of(record.get("robot_cfg()")).get("init_state"))
-        return _table(record, {}, own_names(start.get("joint_pos")), path.name)
+        return _table(path, {}, {})
 
     def found(self, path: Path, reference: Reference) -> Table:
         """Patterns are those of the robot's bodies and joints."""
         tree = reference.tree
         joints = {joint.name: joint.name for joint in tree.moving_joints}
         bodies = {written: name for name, written in body_names(tree).items()}
-        return _table(recorded(path, CALLS), bodies, joints, path.name)
+        return _table(path, bodies, joints)
 
     def expected(self, reference: Reference) -> Table:
         """The joints that mjlab can drive; what it has besides drives."""
@@ -117,15 +97,16 @@ class MjlabReader(Reader):
             return self.holds(key) and (key.kind != "joint" or key.quantity in stated)
 
         facts = robot_table(reference).only(is_stated) | _besides(reference, self.robot)
-        return facts | drawn(reference, _draws, without=("restitution",))
+        return facts | trainers.drawn(reference, _draws, without=("restitution",))
 
 
 # --- what the module says ---------------------------------------------------------------------
 
 
-def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
+def _table(path: Path, bodies: Names, joints: Names) -> Table:
     """Of the velocity task where there is one, else of the robot alone."""
-    facts, task = FactCollector(), record.get("velocity_flat_cfg()")
+    facts, record = Table(), recorded(path, CALLS)
+    task = record.get("velocity_flat_cfg()")
     robot, terms = record["robot_cfg()"], record.get("randomize_events()")
     simulation = {name: record[name.upper()] for name in ("timestep", "decimation", "gravity")}
     scale = record["ACTION_SCALE"]
@@ -140,19 +121,20 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
     model = words_of(record[f"{class_of(robot.get('spec_fn'))}()"].get(ARGUMENTS))
     facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": record["ROOT_BODY"]})
     start, body = robot["init_state"], robot["articulation"]
-    put_start(start, start.get("rot", (1.0, 0.0, 0.0, 0.0)), FORM, joints, facts)
+    joints = joints or trainers.own_names(start.get("joint_pos"))
+    trainers.put_start(start, start.get("rot", (1.0, 0.0, 0.0, 0.0)), FORM, joints, facts)
     facts.put("robot", "", {"soft limits": body.get("soft_joint_pos_limit_factor")})
     groups = []
     for drive in body["actuators"]:
-        groups.append(matching(words_of(drive.get("target_names_expr")), joints))
+        groups.append(trainers.matching(words_of(drive.get("target_names_expr")), joints))
         for joint in groups[-1]:
             facts.put("joint", joint, _drive(drive, record["TIMESTEP"]))
-            facts.place("joint", joint, f"{file}:{drive[LINE]}")
+            facts.place("joint", joint, f"{path.name}:{drive[LINE]}")
     for there, joint in joints.items():
-        if (number := number_of(scale, there)) is not None:
+        if (number := trainers.number_of(scale, there)) is not None:
             facts.put("joint", joint, {f"{FORM}:action scale": number})
-    put_terms(_with_densities(terms), TERMS, bodies, joints, facts, groups)
-    return facts.plain_table()
+    trainers.put_terms(_with_densities(terms), TERMS, bodies, joints, facts, groups)
+    return facts.plain()
 
 
 def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
@@ -163,7 +145,7 @@ def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
     if facts["model"] == "motor" and facts.get("effort") == UNLIMITED:
         facts["effort"] = None
     steps = (drive.get("delay_min_lag", 0), drive.get("delay_max_lag", 0))
-    return facts | {"delay": delay_s(steps, timestep_s)}
+    return facts | {"delay": trainers.delay_s(steps, timestep_s)}
 
 
 def _with_densities(terms: object) -> Record:
@@ -182,17 +164,19 @@ def _with_densities(terms: object) -> Record:
 
 def _besides(reference: Reference, robot: str) -> Table:
     """The start, delays, actions, and the options of the velocity task."""
-    facts, asked = FactCollector(), reference.options.get("mjlab") or {}
+    facts, asked = Table(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
     root = body_names(reference.tree)[reference.tree.root]
     facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": root})
-    put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, facts)
+    trainers.put_expected_start(
+        reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, facts
+    )
     action = {"effort_share": 0.25, "min_rad": 0.25, "rad": 0.5, "m": 0.05}
     action |= asked.get("action") or {}
     for row in reference.control.actuators:
         if row.model in STATED:
-            steps = (varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
-            delay = delay_s(steps, reference.control.simulation.timestep)
+            steps = (trainers.varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
+            delay = trainers.delay_s(steps, reference.control.simulation.timestep)
             facts.put("joint", row.joint, {"delay": delay})
             if row.kp and row.effort:
                 share = action["effort_share"] * row.effort / row.kp
@@ -205,7 +189,7 @@ def _besides(reference: Reference, robot: str) -> Table:
         facts.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
         solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
         facts.put("simulation", "", solver)
-    return facts.table()
+    return facts
 
 
 def _walks(reference: Reference) -> bool:
@@ -220,7 +204,7 @@ def _walks(reference: Reference) -> bool:
 def _replaced(reference: Reference) -> Iterator[str]:
     """Events of mjlab's velocity task that would draw the same once more."""
     recipe, root = reference.options.get("randomize") or {}, reference.tree.bodies[0]
-    if not root.is_massless and varied(reference, "links", root.name) is not None:
+    if not root.is_massless and trainers.varied(reference, "links", root.name) is not None:
         yield "base_com"
     if any(joint.get("encoder_bias") for joint in recipe.get("joints", {}).values()):
         yield "encoder_bias"

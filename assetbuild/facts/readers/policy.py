@@ -9,10 +9,9 @@ from typing import ClassVar
 
 from assetbuild.facts.derived import start_of
 from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import FactCollector, Table, Value
-from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.facts.table import Table, Value
 from assetbuild.robot.model import Tree
 
 COLUMNS = {
@@ -20,9 +19,6 @@ COLUMNS = {
     "kd": "kd", "effort": "effort", "velocity": "velocity", "armature": "armature",
 }  # fmt: skip
 """Lists in the order of `joints` -> the vocabulary's quantities."""
-HELD = {f"joint {name}" for name in COLUMNS.values()} | {
-    "simulation timestep", "simulation decimation", "robot base",
-}  # fmt: skip
 
 
 class PolicyFacts(Reader):
@@ -32,43 +28,41 @@ class PolicyFacts(Reader):
     format_id: ClassVar[str] = "policy"
     display_name: ClassVar[str] = "the policy's contract"
     folder: ClassVar[str] = "policy"
-    written: ClassVar[str] = "{robot}_contract.yaml"
     file_globs: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
     simulated: ClassVar[bool] = False
     recipe_sections: ClassVar[tuple[str, ...]] = ("policy", "imu")
-    lacks: ClassVar[Mapping[str, str]] = {
-        f"{kind} {name}": "stands in the MJCF, USD or URDF beside it"
-        for kind, name in VOCABULARY
-        if f"{kind} {name}" not in HELD
-    }
+    lacks: ClassVar[Mapping[str, str]] = all_but(
+        (*(f"joint {name}" for name in COLUMNS.values()),
+         "simulation timestep", "simulation decimation", "robot base"),
+        "stands in the MJCF, USD or URDF beside it",
+    )  # fmt: skip
 
     def read(self, path: Path) -> Table:
         """UsageError for what is no YAML; LookupError, TypeError or ValueError for another file."""
-        policy, collector = read_yaml(path), FactCollector()
+        policy, table = read_yaml(path), Table()
         names = policy["joints"]
         for column, quantity in COLUMNS.items():
             for name, value in zip(names, policy[column], strict=False):
-                collector.put("joint", name, {quantity: value})
+                table.put("joint", name, {quantity: value})
         lengths = {
             f"policy:{column}": float(len(policy[column])) for column in ("joints", *COLUMNS)
         }
-        collector.put("lists", "", lengths)
+        table.put("lists", "", lengths)
         for engine, order in policy["orders"].items():
             for place, name in enumerate(order):
-                collector.put("joint", name, {f"policy:{engine}": float(place)})
+                table.put("joint", name, {f"policy:{engine}": float(place)})
         for engine, places in policy["permutations"].items():
             for name, place in zip(names, places, strict=False):
-                collector.put("joint", name, {f"policy:from {engine}": float(place)})
-        collector.put("simulation", "", {key: policy[key] for key in ("timestep", "decimation")})
-        collector.put("robot", "", {"base": policy["base"]["kind"]})
-        collector.put(
-            "robot", "", {f"policy:base {word}": policy["base"][word] for word in ("link", "imu")}
-        )
-        return collector.plain_table()
+                table.put("joint", name, {f"policy:from {engine}": float(place)})
+        table.put("simulation", "", {key: policy[key] for key in ("timestep", "decimation")})
+        base = policy["base"]
+        words = {f"policy:base {word}": base[word] for word in ("link", "imu")}
+        table.put("robot", "", {"base": base["kind"], **words})
+        return table.plain()
 
     def expected(self, reference: Reference) -> Table:
         """The drives of the joints that move, in every order."""
-        tree, collector = reference.tree, FactCollector()
+        tree, table = reference.tree, Table()
         moving = [joint.name for joint in tree.moving_joints]
         start = dict(start_of(tree, reference.control).joints)
         for engine, order in _orders(reference, moving).items():
@@ -76,17 +70,17 @@ class PolicyFacts(Reader):
                 words: dict[str, Value] = {f"policy:{engine}": float(place)}
                 if len(order) == len(moving):
                     words[f"policy:from {engine}"] = float(place)
-                collector.put("joint", name, words)
+                table.put("joint", name, words)
         for name in moving:
-            collector.put("joint", name, {"start": start[name]})
+            table.put("joint", name, {"start": start[name]})
         count = float(len(moving))
-        collector.put("lists", "", {f"policy:{column}": count for column in ("joints", *COLUMNS)})
+        table.put("lists", "", {f"policy:{column}": count for column in ("joints", *COLUMNS)})
         imu = (reference.options.get("imu") or {}).get("link") or tree.root
-        collector.put("robot", "", {"policy:base link": tree.root, "policy:base imu": imu})
+        table.put("robot", "", {"policy:base link": tree.root, "policy:base imu": imu})
         facts = robot_table(reference).only(
             lambda key: self.holds(key) and (key.kind != "joint" or key.name in moving)
         )
-        return facts | collector.table()
+        return facts | table
 
 
 def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:

@@ -9,12 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from assetbuild.errors import StepError, UsageError
-from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import plain
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.mjcf_model import compiled_facts
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import FactCollector, Table, Value
-from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.facts.table import Table, Value
 from assetbuild.robot.floor import brings_floor, floor_of, starting_origins
 from assetbuild.robot.pose import rotation_of
 from assetbuild.simulators.mujoco import Model, floors, load
@@ -31,17 +30,14 @@ class SceneFacts(Reader):
     display_name: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    written: ClassVar[str] = "scene.xml"
-    lacks: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        {kind for kind, _ in VOCABULARY} - {"floor"}, "the robot's own file says it"
-    )
+    lacks: ClassVar[Mapping[str, str]] = all_but(["floor"], "the robot's own file says it")
 
     def read(self, path: Path) -> Table:
         """The floor, other shapes of the world, and what the robot's own file says otherwise."""
         beside = f"{self.robot}{path.stem.removeprefix('scene')}.xml"  # `go1_mjx.xml`
         robot, scene = _compiled(path.with_name(beside)), _compiled(path)
         before, after = compiled_facts(robot).facts, compiled_facts(scene).facts
-        facts = FactCollector()
+        facts = Table()
         for key in dict.fromkeys((*before, *after)):
             if before.get(key) != after.get(key):
                 word = key.quantity.removeprefix("mjcf:")
@@ -59,14 +55,14 @@ class SceneFacts(Reader):
             "mjcf:extent": float(scene.stat.extent),
             "mjcf:lights": float(scene.nlight - robot.nlight),
         })  # fmt: skip
-        return facts.table()
+        return facts
 
     def expected(self, reference: Reference) -> Table:
         """A view of the robot, and the floor below it where its own MJCF brings none."""
         origins = starting_origins(reference.tree, reference.control)
         size = max(SMALLEST_VIEW_M, float(np.linalg.norm(np.ptp(origins, axis=0))))
         middle = (origins.min(axis=0) + origins.max(axis=0)) / 2.0
-        facts = FactCollector()
+        facts = Table()
         facts.put("view", "", {
             "mjcf:centre": tuple(round(value, 2) for value in middle.tolist()),
             "mjcf:extent": round(size, 2),
@@ -80,7 +76,7 @@ class SceneFacts(Reader):
                 "mjcf:normal": (0.0, 0.0, 1.0),
                 "mjcf:masks": (1.0, 1.0),
             })  # fmt: skip
-        return facts.table()
+        return facts
 
 
 class SceneMjxFacts(SceneFacts):
@@ -91,7 +87,6 @@ class SceneMjxFacts(SceneFacts):
     file_globs: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
     format_id: ClassVar[str] = "scene_mjx"
     display_name: ClassVar[str] = "the scene of the mjx model"
-    written: ClassVar[str] = "scene_mjx.xml"
 
 
 def _compiled(path: Path) -> Model:

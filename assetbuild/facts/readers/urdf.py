@@ -14,7 +14,7 @@ from assetbuild.errors import UsageError, Where
 from assetbuild.facts.reader import Lost, Reader
 from assetbuild.facts.reference import Reference, geometry_facts, mimic_facts, robot_table
 from assetbuild.facts.surface import Surface, measure, pixel_digest
-from assetbuild.facts.table import FactCollector, Table, Value
+from assetbuild.facts.table import Table, Value
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import MOVING, Control, Joint
@@ -42,20 +42,16 @@ LACKS: Mapping[str, str] = {
     "joint armature": _DRIVE,
     "joint stiffness": _SPRING,
     "joint spring reference": _SPRING,
-    **{
-        f"joint {name}": _DRIVE
-        for name in (
-            "model", "kp", "kd", "gear", "stall", "command range", "drive parameters",
-            "drive name", "delay", "start", "drive target",
-        )
-    },
-    **{
-        f"shape {name}": _CONTACT
-        for name in (
-            "friction", "condim", "priority", "solref", "solimp", "margin", "gap", "contype",
-            "conaffinity", "collides", "restitution",
-        )
-    },
+    **dict.fromkeys(
+        ("joint model", "joint kp", "joint kd", "joint gear", "joint stall", "joint command range",
+         "joint drive parameters", "joint drive name", "joint delay", "joint start",
+         "joint drive target"), _DRIVE,
+    ),
+    **dict.fromkeys(
+        ("shape friction", "shape condim", "shape priority", "shape solref", "shape solimp",
+         "shape margin", "shape gap", "shape contype", "shape conaffinity", "shape collides",
+         "shape restitution"), _CONTACT,
+    ),
     "loop": "URDF has trees alone; the finding `urdf.loop` says so",
     "pair": Lost("URDF has no list of pairs; SRDF has"),
     "sensor": Lost("URDF has no sensors"),
@@ -79,8 +75,7 @@ class UrdfFacts(Reader):
     format_id: ClassVar[str] = "urdf"
     display_name: ClassVar[str] = "the URDF"
     folder: ClassVar[str] = "urdf"
-    written: ClassVar[str] = "{robot}.urdf"
-    file_globs: ClassVar[tuple[str, ...]] = ("urdf/*",)
+    file_globs: ClassVar[tuple[str, ...]] = ("urdf/{robot}.urdf", "urdf/*")
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
     simulated: ClassVar[bool] = False
@@ -97,20 +92,20 @@ class UrdfFacts(Reader):
         """The links with their ratings; a capsule, which URDF lacks, in three pieces."""
         links = held_by_world(reference.links)
         reference = replace(reference, links=links)
-        stated, collector = robot_table(reference, merged=False).only(self.holds), FactCollector()
+        stated, table = robot_table(reference, merged=False).only(self.holds), Table()
         follows = {each.joint: each.mimic for each in reference.control.loop_mimics}
         for joint in links.joints:
-            collector.put("joint", joint.name, dict(_ratings(joint, reference.control)))
+            table.put("joint", joint.name, dict(_ratings(joint, reference.control)))
             if joint.name in follows:
-                collector.put("joint", joint.name, mimic_facts(follows[joint.name]))
+                table.put("joint", joint.name, mimic_facts(follows[joint.name]))
         capsules = set()
         for shape in reference.shapes.shapes:
             if isinstance(shape.geometry, Capsule):
                 capsules.add(shape.name)
                 for name, facts in _pieces(shape, shape.geometry):
-                    collector.put("shape", name, stated.of("shape", shape.name) | facts)
+                    table.put("shape", name, stated.of("shape", shape.name) | facts)
         whole = stated.only(lambda key: key.kind != "shape" or key.name not in capsules)
-        return whole | collector.table()
+        return whole | table
 
 
 def _ratings(joint: Joint, control: Control) -> Iterator[tuple[str, Value]]:
@@ -175,7 +170,7 @@ class UrdfFile:
 
     def __init__(self, path: Path, known: Mapping[str, Surface] | None = None) -> None:
         self._path, self._root, self._known = path, read_root(path), known or {}
-        self._book = FactCollector()
+        self._book = Table()
         self._looks: dict[str, dict[str, Value]] = {}
         self._surfaces: dict[str, Surface] = {}
         self._named: set[tuple[str, str]] = set()
@@ -190,7 +185,7 @@ class UrdfFile:
             self._link(link)
         for joint in self._root.iterchildren("joint"):
             self._joint(joint)
-        return self._book.table()
+        return self._book
 
     def _unique(self, kind: str, name: str, element: _Element) -> str:
         """The name; of a second subject of that name another one, which no robot has."""

@@ -9,10 +9,9 @@ from typing import ClassVar
 
 from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import FactCollector, Table
-from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.facts.table import Table
 
 LIMITS = ("acceleration", "jerk")
 
@@ -24,16 +23,13 @@ class Xrdf(Reader):
     format_id: ClassVar[str] = "xrdf"
     display_name: ClassVar[str] = "the XRDF"
     folder: ClassVar[str] = "xrdf"
-    written: ClassVar[str] = "{robot}.xrdf"
     file_globs: ClassVar[tuple[str, ...]] = ("xrdf/{robot}.xrdf",)
-    lacks: ClassVar[Mapping[str, str]] = {
-        kind: "stands in the URDF beside" for kind, _ in VOCABULARY
-    }
+    lacks: ClassVar[Mapping[str, str]] = all_but((), "stands in the URDF beside")
     recipe_sections: ClassVar[tuple[str, ...]] = ("xrdf",)
 
     def read(self, path: Path) -> Table:
         """Places in the configuration space, limits and default positions, rad or m and s."""
-        xrdf, facts = read_yaml(path), FactCollector()
+        xrdf, facts = read_yaml(path), Table()
         names = xrdf["cspace"]["joint_names"]
         for place, name in enumerate(names):
             facts.put("joint", name, {"xrdf:place": float(place)})
@@ -42,11 +38,11 @@ class Xrdf(Reader):
                 facts.put("joint", name, {f"xrdf:{word}": limit})
         for name, position in xrdf["default_joint_positions"].items():
             facts.put("joint", name, {"xrdf:default": position})
-        return facts.plain_table()
+        return facts.plain()
 
     def expected(self, reference: Reference) -> Table:
         """From the section `xrdf` of the recipe; a joint that follows another has no place."""
-        options, facts = reference.options.get("xrdf") or {}, FactCollector()
+        options, facts = reference.options.get("xrdf") or {}, Table()
         pose = dict(start_of(reference.tree, reference.control).joints)
         leading = [joint.name for joint in reference.tree.moving_joints if joint.mimic is None]
         driven = {row.joint for row in reference.control.actuators if row.model != "passive"}
@@ -63,4 +59,4 @@ class Xrdf(Reader):
             limits = {name: float(limit) for name, limit in stated.items() if limit is not None}
             for name, limit in limits.items() if len(limits) == len(planned) else ():
                 facts.put("joint", name, {f"xrdf:{word}": limit})
-        return facts.table()
+        return facts

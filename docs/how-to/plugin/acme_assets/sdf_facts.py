@@ -7,12 +7,9 @@ from typing import ClassVar
 
 from defusedxml import ElementTree
 
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import Reader, all_but
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import FactCollector, Key, Table
-from assetbuild.facts.vocabulary import VOCABULARY
-
-SAID = {("body", "mass")}
+from assetbuild.facts.table import Key, Table
 
 
 class SdfFacts(Reader):
@@ -22,28 +19,20 @@ class SdfFacts(Reader):
     format_id: ClassVar = "sdf"
     display_name: ClassVar = "the SDF"
     folder: ClassVar = "sdf"
-    file_globs: ClassVar = ("sdf/*",)
+    file_globs: ClassVar = ("sdf/{robot}.sdf",)
     recipe_sections: ClassVar = ("sdf",)
-    lacks: ClassVar = {
-        f"{kind} {name}": "our SDF holds masses alone"
-        for kind, name in VOCABULARY
-        if (kind, name) not in SAID
-    }
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Every robot has one."""
-        return root / f"{robot}.sdf"
+    lacks: ClassVar = all_but(["body mass"], "our SDF holds masses alone")
 
     def read(self, path: Path) -> Table:
         """Masses by link; every other element is a word of SDF."""
-        facts = FactCollector()
+        facts = Table()
         for element in ElementTree.parse(path).getroot().iter():
             if element.tag == "link":
                 mass = float(element.findtext("inertial/mass") or "nan")
                 facts.put("body", str(element.get("name")), {"mass": mass})
             elif element.tag not in ("sdf", "model", "inertial", "mass"):
                 facts.put("robot", "", {f"sdf:{element.tag}": element.text or "empty"})
-        return facts.table()
+        return facts
 
     def expected(self, reference: Reference) -> Table:
         """The robot's masses, and the recipe's `sdf`."""

@@ -1,13 +1,16 @@
-"""Our MJCF in MuJoCo against the source URDF in pinocchio: the same robot?
+"""What pinocchio is asked: our MJCF in MuJoCo against the source URDF, and the URDF that we write.
 
-Both stand in one world: pinocchio holds the source's root link where it stands, MuJoCo a floating
-base such that the same link lies there. What the joints move shows in the mass matrix and in
-gravity, and what the base weighs in the whole robot's inertia.
+For the first both stand in one world: pinocchio holds the source's root link where it stands,
+MuJoCo a floating base such that the same link lies there. What the joints move shows in the mass
+matrix and in gravity, and what the base weighs in the whole robot's inertia.
 """
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree import ElementTree
 
@@ -16,7 +19,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, quat_of, vec3
@@ -62,6 +65,7 @@ class Oracle(mujoco.WithMujoco):
     hold together is compared by the readers of the formats.
     """
 
+    own_name = "oracle"
     usual_s = 0.4
     needs: ClassVar = ("mjcf", "source")
     reads: ClassVar = ("links.json", "tree.json")
@@ -311,3 +315,55 @@ def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = np.reshape(placed.xmat, (3, 3)), placed.xpos
     return out
+
+
+REFUSED = Rule(
+    "urdf.refused",
+    "error",
+    "urdfdom refuses the written URDF, and with it ROS, MoveIt and pinocchio",
+    "this is a fault of assetbuild: please report it with the recipe",
+)
+
+
+class UrdfLoads(Check):
+    """pinocchio reads the file through urdfdom, which is stricter than yourdfpy.
+
+    Figure: the joints that pinocchio finds.
+    """
+
+    own_name = "urdf_loads"
+    isolated: ClassVar = True
+    # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
+    preload: ClassVar = ("mujoco",)
+    needs: ClassVar = ("urdf",)
+    reads: ClassVar = ()
+    requires: ClassVar = {"pinocchio": "oracle"}
+    imports: ClassVar = ("pinocchio",)
+
+    robot: str
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """One finding with urdfdom's own words."""
+        joints, message = loaded(files.inputs / "urdf" / f"{self.robot}.urdf")
+        write_figures(files, {"joints": joints})
+        if joints is None:
+            yield REFUSED("robot", f"urdfdom does not read the URDF: {message}")
+
+
+def loaded(path: Path) -> tuple[int | None, str]:
+    """The joints that move, or None and what urdfdom says, which it writes to stderr."""
+    import pinocchio
+
+    with tempfile.TemporaryFile() as log:
+        stderr = os.dup(2)
+        os.dup2(log.fileno(), 2)
+        try:
+            return int(pinocchio.buildModelFromUrdf(str(path)).njoints) - 1, ""
+        except (ValueError, RuntimeError) as error:
+            log.seek(0)
+            lines = log.read().decode("utf-8", "replace").splitlines()
+            words = [line.removeprefix("Error:").strip() for line in lines if "Error:" in line]
+            return None, "; ".join(words) or str(error)
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
