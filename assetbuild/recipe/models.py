@@ -247,7 +247,7 @@ class Recipe(Model):
     rules: dict[str, Waiver] = Field(
         default_factory=dict, description="other severities for rules, by rule id"
     )
-    variants: dict[Name, dict[str, Any]] = Field(  # Any: checked by patching, see variants.py
+    variants: dict[Name, dict[str, Any]] = Field(  # Any: checked by patching, see loader.py
         default_factory=dict,
         max_length=64,
         description="named patches: maps are merged, all else is replaced",
