@@ -83,7 +83,7 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
     if old.get("step") != new.get("step"):
         yield Change("step", "", old.get("step"), new.get("step"))
     for part, key in NAMED_PARTS.items():
-        before, after = _flat(old.get(key), part), _flat(new.get(key), part)
+        before, after = dict(_leaves(old.get(key))), dict(_leaves(new.get(key)))
         for name in sorted(before.keys() | after.keys()):
             if before.get(name) != after.get(name):
                 yield Change(part, name, before.get(name), after.get(name))
@@ -94,24 +94,16 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
         yield Change("order")
 
 
-def _flat(value: object, part: str) -> dict[str, object]:
-    """Leaves of nested data by their path, `actuators[2].kp`; all but fields are flat."""
-    if part != "field":
-        return dict(value) if isinstance(value, dict) else {}
-    leaves: dict[str, object] = {}
-    _collect(value, "", leaves)
-    return leaves
-
-
-def _collect(value: object, path: str, leaves: dict[str, object]) -> None:
+def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Leaves of nested data by their path, `actuators[2].kp`."""
     if isinstance(value, dict) and value:
         for key, item in value.items():
-            _collect(item, f"{path}.{key}" if path else str(key), leaves)
+            yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, list) and value:
         for index, item in enumerate(value):
-            _collect(item, f"{path}[{index}]", leaves)
-    else:
-        leaves[path] = value
+            yield from _leaves(item, f"{path}[{index}]")
+    elif path:
+        yield path, value
 
 
 def _value_text(value: object) -> str:

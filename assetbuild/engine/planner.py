@@ -10,15 +10,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from assetbuild.engine.execute import Listener, execute
-from assetbuild.engine.graph import (
-    Graph,
-    GraphError,
-    Node,
-    Ref,
-    check_inputs,
-    checked_graph,
-    joined,
-)
+from assetbuild.engine.graph import Graph, GraphError, Node, Ref, check_inputs, joined
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Resolver, Session
@@ -86,8 +78,8 @@ class Planner:
         return None
 
     def graph(self) -> Graph:
-        """The checked graph of what was added so far."""
-        return checked_graph(self._nodes.values())
+        """The graph of what was added so far."""
+        return Graph(dict(self._nodes))
 
 
 def _holds_set(value: object) -> bool:

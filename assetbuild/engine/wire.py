@@ -13,7 +13,6 @@ import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from assetbuild import errors
 from assetbuild.engine.digest import canonical_json
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import AssetBuildError, MachineError, StepError, Where
@@ -67,7 +66,7 @@ def error_from_json(raw: Mapping[str, Any]) -> AssetBuildError:  # Any: JSON
                 return kind(raw["message"], where=where, hint=raw["hint"])
             except TypeError:  # a class with a constructor of its own: take its base
                 continue
-    return errors.StepError(raw["message"], where=where, hint=raw["hint"])
+    return StepError(raw["message"], where=where, hint=raw["hint"])
 
 
 def perform(step: Step, files: Files, label: str) -> tuple[dict[str, object], str]:
