@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 from assetbuild.engine.actions import Action, Parts, made_from_json, missing_output
@@ -147,7 +147,7 @@ class Explanation:
     changes: tuple[Change, ...] = ()
     last_at: str = ""
     last_changes: tuple[Change, ...] = ()
-    causes: Mapping[str, str] | None = None
+    causes: Mapping[str, str] = field(default_factory=dict)
     waits_for: tuple[str, ...] = ()
 
     @property
@@ -163,25 +163,25 @@ class Explanation:
             "changes": [c.to_json() for c in self.changes],
             "last_run": self.last_at or None,
             "last_changes": [c.to_json() for c in self.last_changes],
-            "causes": dict(self.causes or {}),
+            "causes": dict(self.causes),
             "waits_for": list(self.waits_for),
         }
 
     def to_text(self) -> str:
         """A few lines for a terminal."""
         lines = [f"{self.label}: {self.state}"]
-        lines += [f"  {change}{self._cause(change)}" for change in self.changes[:SHOWN_CHANGES]]
+        for change in self.changes[:SHOWN_CHANGES]:
+            maker = self._maker(change)
+            lines.append(f"  {change}, made by `{maker}`" if maker else f"  {change}")
         lines += [f"  after `{label}`, which would run first" for label in self.waits_for]
         if self.last_at:
             lines.append(f"  last ran {self.last_at}: {changes_text(self.last_changes)}")
-            causes = self.causes or {}
-            changed = [c.name for c in self.last_changes if c.part == "input" and c.name in causes]
-            lines += [f"    {name} comes from `{causes[name]}`" for name in changed]
+            made = [(change.name, self._maker(change)) for change in self.last_changes]
+            lines += [f"    {name} comes from `{maker}`" for name, maker in made if maker]
         return "\n".join(lines)
 
-    def _cause(self, change: Change) -> str:
-        maker = (self.causes or {}).get(change.name) if change.part == "input" else None
-        return f", made by `{maker}`" if maker else ""
+    def _maker(self, change: Change) -> str:
+        return self.causes.get(change.name, "") if change.part == "input" else ""
 
 
 def explain(graph: Graph, session: Session, label: str) -> Explanation:

@@ -1,8 +1,8 @@
 """The graph of a build: nodes are labelled steps, edges are references to outputs.
 
 Plain data. Each node is checked when it is added to a plan and reads only nodes that were added
-before, so there are no cycles and the order of the plan is an order of building. Nothing mutates a
-graph: when an answer allows more nodes, one plans again.
+before, so there are no cycles. Nothing mutates a graph: when an answer allows more nodes, one plans
+again.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -78,8 +79,12 @@ class Planner:
         return None
 
     def graph(self) -> Graph:
-        """The graph of what was added so far."""
-        return Graph(dict(self._nodes))
+        """The graph of what was added so far, in an order of building."""
+        added = Graph(self._nodes)
+        makers = {label: added.predecessors(label) for label in added.nodes}
+        # The standard library does it: networkx alone would cost every build a tenth of a second.
+        order = TopologicalSorter(makers).static_order()
+        return Graph({label: added.nodes[label] for label in order})
 
 
 def _holds_set(value: object) -> bool:
