@@ -85,25 +85,22 @@ class Code:
 
     def of(self, step: type) -> StepCode:
         """The code of a step class. MachineError when its source is not to be found."""
-        with self._lock:
-            return self._code(step)
-
-    def _code(self, step: type) -> StepCode:
         module = step.__module__
-        if module not in self._closures:
-            collects = gc.isenabled()
-            gc.disable()  # it would take most of the time: syntax trees are many small objects
-            try:
-                self._closures[module] = self._closure(module)
-            finally:
-                if collects:
-                    gc.enable()
-        code = self._closures[module]
-        stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
-        if not stated:
-            return code
-        libraries = self._libraries.with_requirements([*code.libraries, *stated])
-        return StepCode(code.modules, libraries, code.files)
+        with self._lock:
+            if module not in self._closures:
+                collects = gc.isenabled()
+                gc.disable()  # it would take most of the time: syntax trees are many small objects
+                try:
+                    self._closures[module] = self._closure(module)
+                finally:
+                    if collects:
+                        gc.enable()
+            code = self._closures[module]
+            stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
+            if not stated:
+                return code
+            libraries = self._libraries.with_requirements([*code.libraries, *stated])
+            return StepCode(code.modules, libraries, code.files)
 
     def check(self, step: type) -> None:
         """MachineError when the code of a step has changed since this process looked at it.

@@ -65,13 +65,6 @@ class Change:
         return {**asdict(self), "text": str(self)}
 
 
-def change_from_json(raw: Mapping[str, object]) -> Change:
-    """Inverse of `Change.to_json`."""
-    return Change(
-        str(raw.get("part", "")), str(raw.get("name", "")), raw.get("old"), raw.get("new")
-    )
-
-
 def changes_between(old: Parts | None, new: Parts) -> tuple[Change, ...]:
     """What differs between two keys, by part and name; `first` when there is no old one."""
     if old is None:
@@ -123,7 +116,7 @@ def changes_text(changes: tuple[Change, ...]) -> str:
 
 def why_it_runs(session: Session, action: Action) -> tuple[Change, ...]:
     """Why what the action makes is not simply taken from the store."""
-    changes = changes_between(session.journal.parts(action.label), action.parts)
+    changes = changes_between(session.journal.noted(action.label).parts, action.parts)
     if changes and changes[0].part != "first":
         return changes
     made = made_from_json(session.store.action(action.key))
@@ -189,8 +182,7 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
     node = graph.nodes[label]
     resolver = Resolver(graph.nodes, session)
     action = resolver.action(label)
-    last = session.journal.last_run(label)
-    last_at, last_changes = last if last else ("", [])
+    last = session.journal.noted(label)
     changes: tuple[Change, ...] = ()
     waits: tuple[str, ...] = ()
     if action is None:
@@ -205,8 +197,8 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
         label=label,
         state=state,
         changes=changes,
-        last_at=last_at,
-        last_changes=tuple(change_from_json(raw) for raw in last_changes),
+        last_at=last.at,
+        last_changes=tuple(Change(**change) for change in last.why),
         causes={name: ref.node for name, ref in node.inputs.items() if ref.node},
         waits_for=waits,
     )

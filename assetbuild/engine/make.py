@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -127,7 +127,7 @@ class Maker:
                 hint="run the build again; a step must give the same bytes for the same inputs",
             )
         self.session.actions.learn(action.key, made)
-        why = [change.to_json() for change in changes]
+        why = [asdict(change) for change in changes]
         # The clock also counts what else the machine did; of a download it is all there is.
         by_clock = action.step.network or not made.child
         work_s = made.seconds if by_clock else min(made.seconds, made.cpu_seconds)

@@ -108,7 +108,7 @@ class Processes:
             result, used = self._in_child(action, folder)
         else:
             files = Files(inputs=folder / "inputs", outputs=folder / "outputs")
-            result, trace = perform(action.step, files, action.label)
+            result, trace = perform(lambda: action.step, files, action.label, action.step.limits)
             used = Ended(status=0, wall_s=round(time.monotonic() - began, 4))
             if trace:
                 (folder / "log").write_text(trace, encoding="utf-8", errors="backslashreplace")
