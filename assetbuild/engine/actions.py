@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -72,7 +72,7 @@ class Made:
     """What a step with a known key made, when it last ran.
 
     outputs: name -> digest. seconds: wall clock; cpu_seconds: of its child process, else 0.
-    attempts: processes that it took just now; not kept.
+    attempts: processes that it took just now; 1 where an earlier run made it.
     """
 
     outputs: Mapping[str, str]
@@ -84,13 +84,7 @@ class Made:
 
     def to_json(self) -> dict[str, object]:
         """The action entry."""
-        return {
-            "outputs": dict(self.outputs),
-            "findings": [f.to_json() for f in self.findings],
-            "seconds": self.seconds,
-            "cpu_seconds": self.cpu_seconds,
-            "child": self.child,
-        }
+        return asdict(self)
 
 
 class SharedCache(Protocol):

@@ -221,8 +221,7 @@ class _Schedule:
             error = StepError(f"the store keeps losing what step `{label}` reads")
             message = NodeResult(label=label, status="failed", error=error)
         if label not in self.results or message.status != "cached":  # else it was looked for again
-            self.results[label] = message
-            self._say("finished", label, message)
+            self._finish(message)
         if message.status == "failed":
             self.stopping = self.stopping or not self.keep_going
             step = type(self.graph.nodes[label].step)
@@ -242,9 +241,11 @@ class _Schedule:
                 self.waiting.setdefault(each, set(self.makers[each]))
 
     def _block(self, label: str, reason: str) -> None:
-        result = NodeResult(label=label, status="blocked", reason=reason)
-        self.results[label] = result
-        self._say("finished", label, result)
+        self._finish(NodeResult(label=label, status="blocked", reason=reason))
+
+    def _finish(self, result: NodeResult) -> None:
+        self.results[result.label] = result
+        self._say("finished", result.label, result)
 
     def _say(
         self,

@@ -67,10 +67,8 @@ class Journal:
 
     def _place(self, label: str) -> tuple[str, str]:
         """The part that a node belongs to, and its label there."""
-        if "" in self._builds:
-            return "", label
         part, _, part_label = label.partition(":")
-        return part, part_label
+        return (part, part_label) if part in self._builds else ("", label)
 
     def noted(self, label: str) -> Noted:
         """What is known of a node."""

@@ -222,19 +222,17 @@ def stage(session: Session, inputs: Mapping[str, str], folder: Path) -> Staged:
     LostObjectError when the store lost an object; SourceError when a source was edited meanwhile.
     """
     folder.mkdir()
-    paths: dict[str, tuple[str, Path]] = {}
+    staged: Staged = {}
     for name, digest in inputs.items():
-        if name.endswith("/"):
-            paths[name] = digest, session.view(digest)
-            for member, (part, _) in session.tree(digest).items():
-                paths[name + member] = part, session.object(part)
-        else:
-            paths[name] = digest, session.object(digest)
-    for name in inputs:
+        path = session.view(digest) if name.endswith("/") else session.object(digest)
+        staged[name] = digest, path, signature_of(path.stat())
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
-        place.symlink_to(paths[name][1])
-    return {name: (*path, signature_of(path[1].stat())) for name, path in paths.items()}
+        place.symlink_to(path)
+        for member, (part, _) in session.tree(digest).items() if name.endswith("/") else ():
+            path = session.object(part)
+            staged[name + member] = part, path, signature_of(path.stat())
+    return staged
 
 
 def check_untouched(session: Session, staged: Staged, label: str) -> None:
