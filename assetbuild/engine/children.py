@@ -339,11 +339,6 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
     return kept | fixed
 
 
-def step_environment(step: Step, home: Path) -> dict[str, str]:
-    """What the process of one step sets on top of its worker's environment."""
-    return {"TMPDIR": str(home)} if step.network else {"TMPDIR": str(home), "HOME": str(home)}
-
-
 def last_line(log: Path) -> str:
     """The last line of a log, cut short; nothing where there is none."""
     with suppress(OSError):

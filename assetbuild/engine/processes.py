@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from assetbuild.engine.actions import Action, Made
-from assetbuild.engine.children import Children, Ended, last_line, step_environment
+from assetbuild.engine.children import Children, Ended, last_line
 from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
@@ -127,23 +127,24 @@ class Processes:
         )
 
     def _in_child(self, action: Action, folder: Path) -> tuple[dict[str, Any], Ended]:  # Any: JSON
-        home, log = folder / "home", folder / "log"
+        step, home, log = action.step, folder / "home", folder / "log"
         home.mkdir()
+        variables = ("TMPDIR",) if step.network else ("TMPDIR", "HOME")
         job = {
             "label": action.label,
-            "step": step_to_json(action.step),
+            "step": step_to_json(step),
             "inputs": str(folder / "inputs"),
             "outputs": str(folder / "outputs"),
             "result": str(folder / "result.json"),
             "log": str(log),
             "home": str(home),
-            "environ": step_environment(action.step, home),
-            "limits": asdict(action.step.limits),
+            "environ": dict.fromkeys(variables, str(home)),
+            "limits": asdict(step.limits),
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         for attempt in range(1, ATTEMPTS + 1):
-            ended = self._children.run(action.step, path)
+            ended = self._children.run(step, path)
             if ended.status == 0 and not ended.over:
                 with suppress(OSError, ValueError):
                     result = json.loads((folder / "result.json").read_bytes())

@@ -196,18 +196,15 @@ class Zygote:
             os.close(self._waker)
             if "job" in request:
                 caller.close()
-                self._become_step(request["job"], parent)
+                die_with_parent(parent, signal.SIGKILL)
+                if self.fresh:
+                    _become_python({**self.config, "once": request["job"]})
+                _perform_job(json.loads(Path(request["job"]).read_bytes()))
             self._become_worker({**self.config, **request["worker"], "parent": parent}, caller)
         except BaseException:
             traceback.print_exc()  # to the log
         finally:
             os._exit(70)
-
-    def _become_step(self, job: str, parent: int) -> NoReturn:
-        die_with_parent(parent, signal.SIGKILL)
-        if self.fresh:
-            _become_python({**self.config, "once": job})
-        _perform_job(json.loads(Path(job).read_bytes()))
 
     def _become_worker(self, config: dict[str, Any], door: socket.socket) -> NoReturn:  # Any: JSON
         os.environ.clear()
