@@ -72,14 +72,9 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
     whose = f"plug-in `{name}` ({group}) of {_distribution(point)}"
     try:
         loaded = point.load()
-    except (
-        Exception,
-        SystemExit,
-    ) as problem:  # whatever somebody else's module does when it is imported
-        reason = f"{type(problem).__name__}: {problem}"
-        raise MachineError(
-            f"{whose} cannot be loaded: {reason}", hint="repair or uninstall it"
-        ) from problem
+    except (Exception, SystemExit) as problem:  # whatever a foreign module does on import
+        message = f"{whose} cannot be loaded: {type(problem).__name__}: {problem}"
+        raise MachineError(message, hint="repair or uninstall it") from problem
     plugin = _only(kind, loaded, whose) if isinstance(loaded, ModuleType) else loaded
     if not (isinstance(plugin, type) and issubclass(plugin, kind)):
         raise MachineError(f"{whose} is no {kind.__name__}", hint="repair or uninstall it")

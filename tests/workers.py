@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine import children
-from assetbuild.engine.children import Children, Door, Kind, Origin, Worker, fork_worker
+from assetbuild.engine.children import Children, Door, Kind, Origin, Worker
 from assetbuild.engine.step import Step
 
 if TYPE_CHECKING:
@@ -34,12 +34,12 @@ class Ready:
         self.workers: dict[Kind, Worker] = {}
 
     def door(self, kind: Kind) -> Door:
-        """The door of the one for steps of this kind."""
+        """The one for steps of this kind."""
         if kind not in self.workers:
             more = replace(kind, preload=(*kind.preload, *_modules_of(kind)))
-            self.workers[kind] = fork_worker(self.origin.door, more, self._new_home())
+            self.workers[kind] = self.origin.fork_worker(more, self._new_home())
             self.workers[kind].wait_for_start()
-        return self.workers[kind].door
+        return self.workers[kind]
 
     def _new_home(self) -> Path:
         return Path(tempfile.mkdtemp(dir=self.folder))

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
-from assetbuild.engine.claims import Turns
 from assetbuild.engine.code import PYTHON, Code
 from assetbuild.engine.cpu import cpu_class, cpu_model, platform_tag
 from assetbuild.engine.digest import canonical_json, digest_bytes
@@ -44,11 +44,6 @@ def key_parts(step: Step, inputs: Mapping[str, str], code: Code) -> Parts:
     }
 
 
-def key_of(parts: Parts) -> str:
-    """SHA-256 of the parts' canonical JSON."""
-    return digest_bytes(canonical_json(parts))
-
-
 @dataclass(frozen=True)
 class Action:
     """A step on inputs with known digests: all that running it takes.
@@ -59,12 +54,11 @@ class Action:
     label: str
     step: Step
     parts: Parts
-    key: str
 
-    @classmethod
-    def of(cls, label: str, step: Step, parts: Parts) -> Action:
-        """The action that a key with these parts stands for."""
-        return cls(label, step, parts, key_of(parts))
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 of the parts' canonical JSON."""
+        return digest_bytes(canonical_json(self.parts))
 
     @property
     def inputs(self) -> Mapping[str, str]:
@@ -78,7 +72,7 @@ class Made:
     """What a step with a known key made, when it last ran.
 
     outputs: name -> digest. seconds: wall clock; cpu_seconds: of its child process, else 0.
-    attempts: processes that it took just now; not kept.
+    attempts: processes that it took just now; 1 where an earlier run made it.
     """
 
     outputs: Mapping[str, str]
@@ -90,13 +84,7 @@ class Made:
 
     def to_json(self) -> dict[str, object]:
         """The action entry."""
-        return {
-            "outputs": dict(self.outputs),
-            "findings": [f.to_json() for f in self.findings],
-            "seconds": self.seconds,
-            "cpu_seconds": self.cpu_seconds,
-            "child": self.child,
-        }
+        return asdict(self)
 
 
 class SharedCache(Protocol):
@@ -115,7 +103,6 @@ class Actions:
     """What is known by key, in this store and in the shared cache. Threads may share it."""
 
     def __init__(self, store: Store, shared: SharedCache | None = None) -> None:
-        self.turns = Turns(store.root / "turns")
         self._store = store
         self._shared = shared
         self._known: dict[str, Made] = {}

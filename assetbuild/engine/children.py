@@ -128,7 +128,7 @@ class Children:
                 raise CancelledError
             worker = self._workers.get(kind)
             if worker is None or worker.dead:
-                worker = fork_worker(self.door(kind), kind, self._new_home())
+                worker = self.door(kind).fork_worker(kind, self._new_home())
                 self._workers[kind] = worker
             return worker
 
@@ -138,11 +138,11 @@ class Children:
         return home
 
     def door(self, kind: Kind) -> Door:
-        """The door of the process that forks workers of this kind, started if need be."""
+        """The process that forks workers of this kind, started if need be."""
         del kind  # one process forks all
         if self._origin is None or self._origin.dead:
             self._origin = self._launcher.submit(Origin).result()
-        return self._origin.door
+        return self._origin
 
     def close(self) -> None:
         """Kill every step that runs and end the workers; two seconds at most."""
@@ -151,7 +151,7 @@ class Children:
             workers = list(self._workers.values())
             self._workers.clear()
         for worker in workers:
-            worker.door.ask_to_leave()
+            worker.ask_to_leave()
         for worker in workers:
             worker.end()
         if self._origin is not None:
@@ -160,11 +160,22 @@ class Children:
 
 
 class Door:
-    """Our end of the socket on which a process takes requests, and a socket for each."""
+    """A process that takes requests, each on a socket of its own. end: our end of its door."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
         self._lock = threading.Lock()
+
+    def fork_worker(self, kind: Kind, home: Path) -> Worker:
+        """Have the process fork a worker, without waiting for it. OSError."""
+        config = {
+            "sys_path": _search_path(),
+            "preload": kind.preload,
+            "log": str(home / "log"),
+            "home": str(home),
+            "environ": environment(kind, home),
+        }
+        return Worker(self.ask({"worker": config}), home / "log")
 
     def ask(self, request: object) -> socket.socket:
         """The socket on which the answers come; it ends when the process does. OSError."""
@@ -183,12 +194,8 @@ class Door:
         with suppress(OSError):
             self._end.shutdown(socket.SHUT_WR)
 
-    def close(self) -> None:
-        """Close our end for good."""
-        self._end.close()
 
-
-class Origin:
+class Origin(Door):
     """The first process: it has imported what all workers share, and forks them."""
 
     def __init__(self) -> None:
@@ -200,7 +207,7 @@ class Origin:
             "log": os.devnull,
         }
         ours, theirs = socket.socketpair()
-        self.door = Door(ours)
+        super().__init__(ours)
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-s", "-c", BOOT, json.dumps(config)],
@@ -219,13 +226,13 @@ class Origin:
 
     def end(self) -> None:
         """Wait a moment, then kill it."""
-        self.door.ask_to_leave()
+        self.ask_to_leave()
         try:
             self.process.wait(CLOSING_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
-        self.door.close()
+        self._end.close()
 
 
 _EARLY: list[Origin] = []
@@ -239,30 +246,14 @@ def begin() -> None:
             _EARLY.append(Origin())
 
 
-def fork_worker(door: Door, kind: Kind, home: Path) -> Worker:
-    """Have the process behind a door fork a worker, without waiting for it. OSError."""
-    config = {
-        "sys_path": _search_path(),
-        "preload": kind.preload,
-        "log": str(home / "log"),
-        "home": str(home),
-        "environ": environment(kind, home),
-    }
-    return Worker(door.ask({"worker": config}), home / "log")
-
-
-class Worker:
-    """One worker. Each job has a socket of its own, which ends when the worker does.
-
-    end: our end of its door. It says its `{"pid"}` there, and nothing else.
-    """
+class Worker(Door):
+    """One worker. The sockets of its jobs end when it does; at its door it says its `{"pid"}`."""
 
     def __init__(self, end: socket.socket, log: Path) -> None:
+        super().__init__(end)
         self.log = log
-        self.door = Door(end)
-        self._end = end
         self._said = b""
-        self._lock = threading.Lock()
+        self._reading = threading.Lock()
         self._groups: dict[Path, int] = {}
 
     @property
@@ -282,7 +273,7 @@ class Worker:
 
     def _ends_within(self, seconds: float) -> bool:
         """Whether its process ends; returns early when it says something."""
-        with self._lock:
+        with self._reading:
             if self._end.fileno() < 0:
                 return True
             if not select.select([self._end], [], [], seconds)[0]:
@@ -299,7 +290,7 @@ class Worker:
         modules = [type(step).__module__, *step.imports]
         request = {"job": str(job), "modules": modules, "wall_s": step.limits.wall_s}
         self.wait_for_start()
-        with suppress(OSError), self.door.ask(request) as answers:
+        with suppress(OSError), self.ask(request) as answers:
             for line in answers.makefile():
                 answer = json.loads(line)
                 if "pid" not in answer:
@@ -311,12 +302,12 @@ class Worker:
 
     def end(self) -> None:
         """Wait a moment for it to leave, then kill it and its steps."""
-        self.door.ask_to_leave()
+        self.ask_to_leave()
         if not self._ends_within(0.0) and not self._ends_within(CLOSING_S):
             for group in filter(None, (*self._groups.values(), self.pid)):
                 with suppress(OSError):
                     os.killpg(group, signal.SIGKILL)
-        self.door.close()
+        self._end.close()
 
 
 def _search_path() -> list[str]:
@@ -346,11 +337,6 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
     fixed["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # it would look through all distributions
     fixed["MUJOCO_GL"] = "disable"  # else MuJoCo imports GLFW, which takes longer than MuJoCo
     return kept | fixed
-
-
-def step_environment(step: Step, home: Path) -> dict[str, str]:
-    """What the process of one step sets on top of its worker's environment."""
-    return {"TMPDIR": str(home)} if step.network else {"TMPDIR": str(home), "HOME": str(home)}
 
 
 def last_line(log: Path) -> str:

@@ -141,52 +141,44 @@ def remove_abandoned(folders: Iterable[Path]) -> None:
             release(path)
 
 
-class Turns:
-    """One at a time per name, among all threads and processes that share a folder.
+@contextmanager
+def turn(
+    path: Path, *, patience_s: float, done: Callable[[], bool] = lambda: False
+) -> Iterator[None]:
+    """Wait for a link and hold it: one at a time, among all threads and processes.
 
-    A turn is a link that names its holder: it appears whole, and for one of them only.
+    The link names its holder: it appears whole, and for one of them only.
+    patience_s: then go on without it; so does a file system that knows no links. The turn
+    saves work, it guards nothing: what two of them write at once is the same.
+    done: asked while waiting; True ends the wait.
     """
+    me = _wait(path, time.monotonic() + patience_s, done)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            if me and str(path.readlink()) == me:
+                release(path)
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
 
-    @contextmanager
-    def turn(
-        self, name: str, *, patience_s: float, done: Callable[[], bool] = lambda: False
-    ) -> Iterator[None]:
-        """Wait for the name and hold it.
-
-        patience_s: then go on without it; so does a file system that knows no links. The turn
-        saves work, it guards nothing: what two of them write at once is the same.
-        done: asked while waiting; True ends the wait.
-        """
-        path = self._folder / name
-        me = self._wait(path, time.monotonic() + patience_s, done)
+def _wait(path: Path, deadline: float, done: Callable[[], bool]) -> str:
+    """What the link says that is ours now; nothing when we go on without."""
+    pause = 0.005
+    me = claimed_name()
+    while True:
         try:
-            yield
-        finally:
-            with suppress(OSError):
-                if me and str(path.readlink()) == me:
-                    release(path)
-
-    def _wait(self, path: Path, deadline: float, done: Callable[[], bool]) -> str:
-        """What the link says that is ours now; nothing when we go on without."""
-        pause = 0.005
-        me = claimed_name()
-        while True:
-            try:
-                path.symlink_to(me)
-                _hold(path)
-                return me
-            except FileExistsError:
-                _free(path)
-            except OSError:
-                return ""
-            if done() or time.monotonic() > deadline:
-                return ""
-            if os.path.lexists(path):
-                time.sleep(pause)
-                pause = min(LONGEST_PAUSE_S, pause * 1.5)
+            path.symlink_to(me)
+            _hold(path)
+            return me
+        except FileExistsError:
+            _free(path)
+        except OSError:
+            return ""
+        if done() or time.monotonic() > deadline:
+            return ""
+        if os.path.lexists(path):
+            time.sleep(pause)
+            pause = min(LONGEST_PAUSE_S, pause * 1.5)
 
 
 def _free(path: Path) -> None:

@@ -85,25 +85,22 @@ class Code:
 
     def of(self, step: type) -> StepCode:
         """The code of a step class. MachineError when its source is not to be found."""
-        with self._lock:
-            return self._code(step)
-
-    def _code(self, step: type) -> StepCode:
         module = step.__module__
-        if module not in self._closures:
-            collects = gc.isenabled()
-            gc.disable()  # it would take most of the time: syntax trees are many small objects
-            try:
-                self._closures[module] = self._closure(module)
-            finally:
-                if collects:
-                    gc.enable()
-        code = self._closures[module]
-        stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
-        if not stated:
-            return code
-        libraries = self._libraries.with_requirements([*code.libraries, *stated])
-        return StepCode(code.modules, libraries, code.files)
+        with self._lock:
+            if module not in self._closures:
+                collects = gc.isenabled()
+                gc.disable()  # it would take most of the time: syntax trees are many small objects
+                try:
+                    self._closures[module] = self._closure(module)
+                finally:
+                    if collects:
+                        gc.enable()
+            code = self._closures[module]
+            stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
+            if not stated:
+                return code
+            libraries = self._libraries.with_requirements([*code.libraries, *stated])
+            return StepCode(code.modules, libraries, code.files)
 
     def check(self, step: type) -> None:
         """MachineError when the code of a step has changed since this process looked at it.
@@ -177,20 +174,15 @@ class Code:
                 libraries.add(top)
                 continue
             targets.append(module)
-            if member == MUST:
-                self._must_be(module, name, step_package)
-            elif member:
+            if member and member != MUST:
                 targets.append(f"{module}.{member}")
+            elif member and top in (PACKAGE, step_package) and self._packages.path(module) is None:
+                raise MachineError(
+                    f"`{name}` names `{module}` in `BEYOND_IMPORTS`, which is not there",
+                    hint="name a module, or a file beside it as `./page.css`",
+                )
         self._targets[name, step_package] = targets, libraries
         return targets, libraries
-
-    def _must_be(self, target: str, name: str, step_package: str) -> None:
-        top = target.partition("/")[0].partition(".")[0]
-        if top in (PACKAGE, step_package) and self._packages.path(target) is None:
-            raise MachineError(
-                f"`{name}` names `{target}` in `BEYOND_IMPORTS`, which is not there",
-                hint="name a module, or a file beside it as `./page.css`",
-            )
 
     def _is_code(self, top: str, step_package: str) -> bool:
         """Is a top-level module part of what the step belongs to, rather than a library?
@@ -228,13 +220,6 @@ def _changed(what: str) -> MachineError:
     )
 
 
-def _read(name: str, path: str) -> list[str]:
-    """The digest, and what the file imports."""
-    if "/" not in name and path.endswith(".py"):
-        return read_module(name, path)
-    return [digest_file(path)]
-
-
 SYNTAX_FORMAT = "syntax 4"
 """Raised when the digest of the same file, or what is found in it, changes."""
 SAID_BY_OTHERS = frozenset({"ctx", "kind"})
@@ -246,13 +231,15 @@ MUST = "!"
 """In the place of an imported name: the constant names the module or file, so it must be there."""
 
 
-def read_module(name: str, path: str) -> list[str]:
-    """The digest and the imports of a module; see `engine.code`. OSError.
+def _read(name: str, path: str) -> list[str]:
+    """The digest and the imports of a module; the digest of the bytes of another file. OSError.
 
     Comments, docstrings, blank lines, layout and `if TYPE_CHECKING:` do not change the digest, nor
     does `__version__`: whoever imports that leads to the bytes of the file that states it. A module
     without a statement has no digest. What Python cannot parse counts by its bytes.
     """
+    if "/" in name or not path.endswith(".py"):
+        return [digest_file(path)]
     data = Path(path).read_bytes()
     package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
     leading: list[ast.stmt] = []

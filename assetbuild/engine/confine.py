@@ -12,6 +12,7 @@ import json
 import os
 import resource
 import stat
+import struct
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -76,19 +77,6 @@ _FILE_RIGHTS_OF_ABI = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
 """Number of file rights that a version of Landlock knows; later ones know 16."""
 
 
-class _Ruleset(ctypes.Structure):
-    _fields_ = (
-        ("files", ctypes.c_uint64),
-        ("network", ctypes.c_uint64),
-        ("scoped", ctypes.c_uint64),
-    )
-
-
-class _PathBeneath(ctypes.Structure):
-    _pack_ = 1
-    _fields_ = (("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32))
-
-
 def version() -> int:
     """The version of Landlock that this kernel has; 0 = none."""
     if sys.platform != "linux":
@@ -104,9 +92,9 @@ def _restrict(readable: Iterable[str]) -> bool:
         return False
     libc = ctypes.CDLL(None, use_errno=True)
     rights = (1 << _FILE_RIGHTS_OF_ABI.get(known, 16)) - 1
-    rules = _Ruleset(rights, 3 if known >= 4 else 0, 3 if known >= 6 else 0)
-    size = ctypes.c_size_t(24 if known >= 6 else 16 if known >= 4 else 8)
-    ruleset = libc.syscall(_CREATE_RULESET, ctypes.byref(rules), size, 0)
+    # Rights of files, then of the network from version 4 on, and scopes from version 6 on.
+    rules = struct.pack("QQQ", rights, 3, 3)[: 24 if known >= 6 else 16 if known >= 4 else 8]
+    ruleset = libc.syscall(_CREATE_RULESET, rules, ctypes.c_size_t(len(rules)), 0)
     if ruleset < 0:
         return False
     try:
@@ -123,8 +111,8 @@ def _allow(libc: ctypes.CDLL, ruleset: int, path: str) -> None:
     place = os.open(path, getattr(os, "O_PATH", 0) | os.O_CLOEXEC)
     try:
         folder = stat.S_ISDIR(os.fstat(place).st_mode)
-        rule = _PathBeneath(READ_FILE | READ_DIR if folder else READ_FILE, place)
-        if libc.syscall(_ADD_RULE, ruleset, _RULE_PATH_BENEATH, ctypes.byref(rule), 0) != 0:
+        rule = struct.pack("=Qi", READ_FILE | READ_DIR if folder else READ_FILE, place)
+        if libc.syscall(_ADD_RULE, ruleset, _RULE_PATH_BENEATH, rule, 0) != 0:
             raise OSError(ctypes.get_errno(), "Landlock refused a rule", path)
     finally:
         os.close(place)

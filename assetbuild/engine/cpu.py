@@ -74,17 +74,13 @@ ARM = CpuClass(
 UNKNOWN = CpuClass("any", frozenset(), {})
 
 
-def x86_class(flags: frozenset[str]) -> CpuClass:
-    """The best class whose flags the CPU has."""
-    return next(each for each in X86_CLASSES if each.flags <= flags)
-
-
 @functools.cache
 def cpu_class() -> CpuClass:
     """The class of this machine's CPU."""
     machine = platform.machine().lower()
     if machine in ("x86_64", "amd64"):
-        return x86_class(frozenset(cpuinfo().get("flags", "").split()))
+        flags = frozenset(cpuinfo().get("flags", "").split())
+        return next(each for each in X86_CLASSES if each.flags <= flags)
     return ARM if machine in ("aarch64", "arm64") else UNKNOWN
 
 

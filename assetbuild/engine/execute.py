@@ -33,17 +33,18 @@ class Costs:
 
 def costs(graph: Graph, journal: Journal) -> Costs:
     """Each step as long as it last took here, else as long as such a step usually takes."""
-    noted = {label: journal.last_seconds(label) for label in graph.nodes}
-    seconds = {
-        label: node.step.usual_s if noted[label] is None else float(noted[label] or 0.0)
-        for label, node in graph.nodes.items()
-    }
+    seconds: dict[str, float] = {}
+    guessed = set()
+    for label, node in graph.nodes.items():
+        last = journal.noted(label).seconds
+        seconds[label] = node.step.usual_s if last is None else last
+        if last is None:
+            guessed.add(label)
     chains = dict(seconds)
     for label in reversed(list(graph.nodes)):  # each after all that read it
         for maker in graph.predecessors(label):
             chains[maker] = max(chains[maker], seconds[maker] + chains[label])
-    guessed = frozenset(label for label, last in noted.items() if last is None)
-    return Costs(seconds, chains, guessed)
+    return Costs(seconds, chains, frozenset(guessed))
 
 
 HEALING_ROUNDS = 3
@@ -220,8 +221,7 @@ class _Schedule:
             error = StepError(f"the store keeps losing what step `{label}` reads")
             message = NodeResult(label=label, status="failed", error=error)
         if label not in self.results or message.status != "cached":  # else it was looked for again
-            self.results[label] = message
-            self._say("finished", label, message)
+            self._finish(message)
         if message.status == "failed":
             self.stopping = self.stopping or not self.keep_going
             step = type(self.graph.nodes[label].step)
@@ -241,9 +241,11 @@ class _Schedule:
                 self.waiting.setdefault(each, set(self.makers[each]))
 
     def _block(self, label: str, reason: str) -> None:
-        result = NodeResult(label=label, status="blocked", reason=reason)
-        self.results[label] = result
-        self._say("finished", label, result)
+        self._finish(NodeResult(label=label, status="blocked", reason=reason))
+
+    def _finish(self, result: NodeResult) -> None:
+        self.results[result.label] = result
+        self._say("finished", result.label, result)
 
     def _say(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 from assetbuild.engine.actions import Action, Parts, made_from_json, missing_output
@@ -65,13 +65,6 @@ class Change:
         return {**asdict(self), "text": str(self)}
 
 
-def change_from_json(raw: Mapping[str, object]) -> Change:
-    """Inverse of `Change.to_json`."""
-    return Change(
-        str(raw.get("part", "")), str(raw.get("name", "")), raw.get("old"), raw.get("new")
-    )
-
-
 def changes_between(old: Parts | None, new: Parts) -> tuple[Change, ...]:
     """What differs between two keys, by part and name; `first` when there is no old one."""
     if old is None:
@@ -83,7 +76,7 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
     if old.get("step") != new.get("step"):
         yield Change("step", "", old.get("step"), new.get("step"))
     for part, key in NAMED_PARTS.items():
-        before, after = _flat(old.get(key), part), _flat(new.get(key), part)
+        before, after = dict(_leaves(old.get(key))), dict(_leaves(new.get(key)))
         for name in sorted(before.keys() | after.keys()):
             if before.get(name) != after.get(name):
                 yield Change(part, name, before.get(name), after.get(name))
@@ -94,24 +87,16 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
         yield Change("order")
 
 
-def _flat(value: object, part: str) -> dict[str, object]:
-    """Leaves of nested data by their path, `actuators[2].kp`; all but fields are flat."""
-    if part != "field":
-        return dict(value) if isinstance(value, dict) else {}
-    leaves: dict[str, object] = {}
-    _collect(value, "", leaves)
-    return leaves
-
-
-def _collect(value: object, path: str, leaves: dict[str, object]) -> None:
+def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Leaves of nested data by their path, `actuators[2].kp`."""
     if isinstance(value, dict) and value:
         for key, item in value.items():
-            _collect(item, f"{path}.{key}" if path else str(key), leaves)
+            yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, list) and value:
         for index, item in enumerate(value):
-            _collect(item, f"{path}[{index}]", leaves)
-    else:
-        leaves[path] = value
+            yield from _leaves(item, f"{path}[{index}]")
+    elif path:
+        yield path, value
 
 
 def _value_text(value: object) -> str:
@@ -131,7 +116,7 @@ def changes_text(changes: tuple[Change, ...]) -> str:
 
 def why_it_runs(session: Session, action: Action) -> tuple[Change, ...]:
     """Why what the action makes is not simply taken from the store."""
-    changes = changes_between(session.journal.parts(action.label), action.parts)
+    changes = changes_between(session.journal.noted(action.label).parts, action.parts)
     if changes and changes[0].part != "first":
         return changes
     made = made_from_json(session.store.action(action.key))
@@ -155,7 +140,7 @@ class Explanation:
     changes: tuple[Change, ...] = ()
     last_at: str = ""
     last_changes: tuple[Change, ...] = ()
-    causes: Mapping[str, str] | None = None
+    causes: Mapping[str, str] = field(default_factory=dict)
     waits_for: tuple[str, ...] = ()
 
     @property
@@ -171,25 +156,25 @@ class Explanation:
             "changes": [c.to_json() for c in self.changes],
             "last_run": self.last_at or None,
             "last_changes": [c.to_json() for c in self.last_changes],
-            "causes": dict(self.causes or {}),
+            "causes": dict(self.causes),
             "waits_for": list(self.waits_for),
         }
 
     def to_text(self) -> str:
         """A few lines for a terminal."""
         lines = [f"{self.label}: {self.state}"]
-        lines += [f"  {change}{self._cause(change)}" for change in self.changes[:SHOWN_CHANGES]]
+        for change in self.changes[:SHOWN_CHANGES]:
+            maker = self._maker(change)
+            lines.append(f"  {change}, made by `{maker}`" if maker else f"  {change}")
         lines += [f"  after `{label}`, which would run first" for label in self.waits_for]
         if self.last_at:
             lines.append(f"  last ran {self.last_at}: {changes_text(self.last_changes)}")
-            causes = self.causes or {}
-            changed = [c.name for c in self.last_changes if c.part == "input" and c.name in causes]
-            lines += [f"    {name} comes from `{causes[name]}`" for name in changed]
+            made = [(change.name, self._maker(change)) for change in self.last_changes]
+            lines += [f"    {name} comes from `{maker}`" for name, maker in made if maker]
         return "\n".join(lines)
 
-    def _cause(self, change: Change) -> str:
-        maker = (self.causes or {}).get(change.name) if change.part == "input" else None
-        return f", made by `{maker}`" if maker else ""
+    def _maker(self, change: Change) -> str:
+        return self.causes.get(change.name, "") if change.part == "input" else ""
 
 
 def explain(graph: Graph, session: Session, label: str) -> Explanation:
@@ -197,8 +182,7 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
     node = graph.nodes[label]
     resolver = Resolver(graph.nodes, session)
     action = resolver.action(label)
-    last = session.journal.last_run(label)
-    last_at, last_changes = last if last else ("", [])
+    last = session.journal.noted(label)
     changes: tuple[Change, ...] = ()
     waits: tuple[str, ...] = ()
     if action is None:
@@ -213,8 +197,8 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
         label=label,
         state=state,
         changes=changes,
-        last_at=last_at,
-        last_changes=tuple(change_from_json(raw) for raw in last_changes),
+        last_at=last.at,
+        last_changes=tuple(Change(**change) for change in last.why),
         causes={name: ref.node for name, ref in node.inputs.items() if ref.node},
         waits_for=waits,
     )

@@ -1,14 +1,14 @@
 """The graph of a build: nodes are labelled steps, edges are references to outputs.
 
-Plain data, checked when it is made. Nothing mutates a graph: when an answer allows more nodes, one
-plans again.
+Plain data. Each node is checked when it is added to a plan and reads only nodes that were added
+before, so there are no cycles. Nothing mutates a graph: when an answer allows more nodes, one plans
+again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from graphlib import CycleError, TopologicalSorter
 
 from assetbuild.engine.step import Step, is_plain_path
 from assetbuild.errors import did_you_mean
@@ -67,35 +67,13 @@ class Node:
 
 @dataclass(frozen=True)
 class Graph:
-    """Checked nodes by label, each after the nodes it reads."""
+    """Nodes by label, each after the nodes it reads."""
 
     nodes: Mapping[str, Node]
 
     def predecessors(self, label: str) -> tuple[str, ...]:
         """Labels of the nodes whose outputs this node reads, sorted."""
         return tuple(sorted({r.node for r in self.nodes[label].inputs.values() if r.node}))
-
-
-def checked_graph(nodes: Iterable[Node]) -> Graph:
-    """Order the nodes; GraphError on duplicate labels, unknown steps or outputs, and cycles."""
-    by_label: dict[str, Node] = {}
-    for node in nodes:
-        if node.label in by_label:
-            raise GraphError(f"two steps are labelled `{node.label}`")
-        by_label[node.label] = node
-    for node in by_label.values():
-        check_inputs(node, by_label)
-    # Of the standard library: networkx alone would cost every build a tenth of a second.
-    makers = {
-        label: dict.fromkeys(ref.node for ref in node.inputs.values() if ref.node)
-        for label, node in by_label.items()
-    }
-    try:
-        order = list(TopologicalSorter(makers).static_order())
-    except CycleError as error:
-        circle = error.args[1]
-        raise GraphError(f"steps need each other: {' -> '.join(circle)}") from None
-    return Graph({label: by_label[label] for label in order})
 
 
 def joined(graphs: Mapping[str, Graph]) -> Graph:

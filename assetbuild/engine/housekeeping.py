@@ -117,52 +117,50 @@ def collect(store: Store, max_bytes: int) -> Collected:
     _trim(store.root, NOTES, max_bytes // 10)
     protected_from = min(_live(store.root)) - CLOCK_TICK_S  # our own mark is among them
     notes = sum(entry.stat().st_size for name in NOTES for entry in _files(store.root / name))
-    choice = _Choice(store, max_bytes - notes, protected_from)
-    for path in choice.dropped:
+    kept, dropped = _choice(store, max_bytes - notes, protected_from)
+    for path in dropped:
         path.unlink(missing_ok=True)
     removed = 0
     for entry in _files(store.root / "cas"):
         # An object may have come, or come again, since we chose.
-        if entry.name not in choice.kept and entry.stat().st_ctime < protected_from:
+        if entry.name not in kept and entry.stat().st_ctime < protected_from:
             Path(entry.path).unlink(missing_ok=True)
             removed += 1
     after = total_bytes(store.root)
-    return Collected(before, after, len(choice.dropped), removed)
+    return Collected(before, after, len(dropped), removed)
 
 
-class _Choice:
-    """What stays: actions with all that they made, those used last first; then sources.
+def _choice(store: Store, max_bytes: int, protected_from: float) -> tuple[set[str], list[Path]]:
+    """Objects that stay, and action entries that go.
 
-    kept: objects that stay. dropped: action entries that go.
+    Actions stay with all that they made, those used last first; then sources.
     """
+    statuses = {entry.name: entry.stat() for entry in _files(store.root / "cas")}
+    kept: set[str] = set()
+    made: set[str] = set()
+    dropped: list[Path] = []
+    left = max_bytes
 
-    def __init__(self, store: Store, max_bytes: int, protected_from: float) -> None:
-        self.kept: set[str] = set()
-        self.dropped: list[Path] = []
-        self._left = max_bytes
-        statuses = {entry.name: entry.stat() for entry in _files(store.root / "cas")}
-        self._sizes = {name: each.st_size for name, each in statuses.items()}
-        made: set[str] = set()
-        actions = [(e.stat().st_ctime, e.stat().st_size, e.path) for e in _files(store.root / "ac")]
-        for used, size, path in sorted(actions, reverse=True):
-            objects = _objects_of(store, Path(path).stem)
-            made |= objects or set()
-            young = used >= protected_from
-            if objects is None and young:
-                continue  # a build that runs now is writing it
-            if objects is None or not self._keep(objects, size, young=young):
-                self.dropped.append(Path(path))
-        sources = statuses.keys() - made
-        for name in sorted(sources, key=lambda n: (-statuses[n].st_ctime, n)):
-            self._keep({name}, 0, young=statuses[name].st_ctime >= protected_from)
-
-    def _keep(self, objects: set[str], size: int, *, young: bool) -> bool:
-        cost = size + sum(self._sizes.get(name, 0) for name in objects - self.kept)
-        if not young and cost > self._left:
+    def keep(objects: set[str], size: int, used: float) -> bool:
+        nonlocal left
+        cost = size + sum(statuses[name].st_size for name in objects - kept if name in statuses)
+        if used < protected_from and cost > left:
             return False
-        self._left -= cost
-        self.kept |= objects
+        left -= cost
+        kept.update(objects)
         return True
+
+    actions = [(e.stat().st_ctime, e.stat().st_size, e.path) for e in _files(store.root / "ac")]
+    for used, size, path in sorted(actions, reverse=True):
+        objects = _objects_of(store, Path(path).stem)
+        made |= objects or set()
+        if objects is None and used >= protected_from:
+            continue  # a build that runs now is writing it
+        if objects is None or not keep(objects, size, used):
+            dropped.append(Path(path))
+    for name in sorted(statuses.keys() - made, key=lambda n: (-statuses[n].st_ctime, n)):
+        keep({name}, 0, statuses[name].st_ctime)
+    return kept, dropped
 
 
 def _objects_of(store: Store, key: str) -> set[str] | None:

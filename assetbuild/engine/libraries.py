@@ -178,15 +178,11 @@ class Places:
             folders += spec.submodule_search_locations or ()
             if spec.has_location:
                 return spec.origin
-        return _loaded_from(name)
+        path = getattr(sys.modules.get(name), "__file__", None)
+        return path if path and os.path.isfile(path) else None  # noqa: PTH113 - as above
 
     def _data(self, name: str) -> str | None:
         package, _, inside = name.partition("/")
         self.path(package)
         files = (f"{folder}/{inside}" for folder in self._folders[package])
         return next(filter(os.path.isfile, files), None)
-
-
-def _loaded_from(name: str) -> str | None:
-    path = getattr(sys.modules.get(name), "__file__", None)
-    return path if path and os.path.isfile(path) else None  # noqa: PTH113 - as above

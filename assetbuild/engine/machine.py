@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 import sys
 
-# pathlib, contextlib and platform are not loaded on the way of the null build.
-
+# pathlib, contextlib and platform are not loaded on the way of the null build:
+# ruff: noqa: PTH100, PTH111, PTH123
 
 DECISIVE = ("vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU part", "Features")
 
@@ -19,19 +19,17 @@ def cpuinfo() -> dict[str, str]:
 
     The file of a large machine is long and slow to read, so its end is not read.
     """
-    text = b""
+    fields: dict[str, str] = {}
     try:
-        descriptor = os.open("/proc/cpuinfo", os.O_RDONLY)
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+            for line in file:
+                name, colon, value = line.partition(":")
+                if not colon:
+                    break
+                fields[name.strip()] = value.strip()
     except OSError:
-        return {}
-    try:
-        while b"\n\n" not in text and (more := os.read(descriptor, 4096)):
-            text += more
-    finally:
-        os.close(descriptor)
-    lines = text.decode("ascii", "replace").partition("\n\n")[0].splitlines()
-    pairs = (line.partition(":") for line in lines)
-    return {name.strip(): value.strip() for name, _, value in pairs}
+        pass
+    return fields
 
 
 def libc() -> str:
@@ -46,10 +44,6 @@ def machine_text() -> str:
     """All of it on one line."""
     fields = cpuinfo()
     return " ".join([os.uname().machine, libc(), *(fields.get(name, "") for name in DECISIVE)])
-
-
-# pathlib is not loaded on the way of the null build:
-# ruff: noqa: PTH100, PTH111
 
 
 def cache_root() -> str:

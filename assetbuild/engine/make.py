@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from assetbuild.engine.actions import Action, Made
+from assetbuild.engine.claims import turn
 from assetbuild.engine.explain import Change, changes_text, why_it_runs
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.processes import ATTEMPTS, Processes
@@ -77,9 +78,8 @@ class Maker:
             if made is None:
                 # Each action runs once: in this build, and among all that share the store.
                 patience_s = action.step.limits.wall_s * ATTEMPTS + 30.0
-                with self.session.actions.turns.turn(
-                    action.key, patience_s=patience_s, done=lambda: self.runner.closed
-                ):
+                place = self.session.store.root / "turns" / action.key
+                with turn(place, patience_s=patience_s, done=lambda: self.runner.closed):
                     made = self.resolver.made(label)  # another may have made it meanwhile
                     if made is None:
                         changes = why_it_runs(self.session, action)
@@ -127,7 +127,7 @@ class Maker:
                 hint="run the build again; a step must give the same bytes for the same inputs",
             )
         self.session.actions.learn(action.key, made)
-        why = [change.to_json() for change in changes]
+        why = [asdict(change) for change in changes]
         # The clock also counts what else the machine did; of a download it is all there is.
         by_clock = action.step.network or not made.child
         work_s = made.seconds if by_clock else min(made.seconds, made.cpu_seconds)

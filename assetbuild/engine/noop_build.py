@@ -18,16 +18,7 @@ import time
 
 from assetbuild.engine.digest import RACY_NS, digest_bytes, digest_file, replace_file
 from assetbuild.engine.machine import machine_text
-from assetbuild.engine.questions import (
-    BYTES,
-    KIND,
-    LINK,
-    NAMES,
-    STAMP,
-    answer,
-    names_text,
-    signature_text,
-)
+from assetbuild.engine.questions import BYTES, KIND, LINK, NAMES, answer, names_text, signature_text
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -35,11 +26,10 @@ if TYPE_CHECKING:
 
     from assetbuild.engine.questions import Question
 
-FORMAT = "assetbuild null 3"
-MADE = "="
-"""Before the digest of a file that must be no link."""
-COUNT = "+"
-"""Begins the line of a folder of which the number of files is known."""
+FORMAT = "assetbuild null 4"
+MADE, COUNT = "made", "count"
+"""Questions that only the record asks: the bytes of a file that must be no link, and the number of
+files below a folder."""
 UNPROVEN = "-"
 """In place of stamps: the file or folder was touched too recently, it must be read."""
 
@@ -104,19 +94,13 @@ def write(
     began_ns: `time.time_ns()` before the first question; younger files are read again.
     OSError when the record cannot be written.
     """
-    body, changed = lines_of(asked, began_ns)
-    for path, digest in sorted((made or {}).items()):
-        line = _file_line(os.path.abspath(path), digest, MADE, began_ns - RACY_NS)
-        if line is None:
-            return False
-        body.append(line)
-    if changed:
-        return False
-    for folder in folders:
-        body.append(f"{COUNT}\t{_escape(os.path.abspath(folder))}\t{_count_below(folder)}")
-    head = [FORMAT, identity(), _escape(options), f"{exit_code}\t{_escape(summary)}"]
-    _save(record, head + body)
-    return True
+    ours = {(MADE, os.path.abspath(path), ""): digest for path, digest in (made or {}).items()}
+    counts = {(COUNT, path, ""): _count_below(path) for path in map(os.path.abspath, folders)}
+    body, changed = lines_of({**asked, **ours, **counts}, began_ns)
+    if not changed:
+        head = [FORMAT, identity(), _escape(options), f"{exit_code}\t{_escape(summary)}"]
+        _save(record, head + body)
+    return not changed
 
 
 def lines_of(asked: Mapping[Question, str], began_ns: int) -> tuple[list[str], list[str]]:
@@ -125,29 +109,18 @@ def lines_of(asked: Mapping[Question, str], began_ns: int) -> tuple[list[str], l
     A file that was asked for its bytes needs no line that says it is a file, or no link.
     """
     lines, changed = [], []
-    for question, old_answer in asked.items():
-        kind, subject, pattern = question
-        line: str | None
-        if kind == BYTES:
-            mark = MADE if asked.get((LINK, subject, "")) == "" else ""
-            line = _file_line(subject, old_answer, mark, began_ns - RACY_NS)
-        elif kind == NAMES:
-            line = _names_line(
-                subject, pattern, digest_bytes(old_answer.encode("utf-8", "surrogateescape"))
-            )
-        elif (
-            old_answer == ("file" if kind == KIND else "")
-            and kind in (KIND, LINK)
-            and ((BYTES, subject, "") in asked)
-        ):
+    for (kind, subject, detail), expected in asked.items():
+        if (BYTES, subject, "") in asked and (kind, expected) in ((KIND, "file"), (LINK, "")):
             continue
-        else:
-            same = answer(question) == old_answer
-            line = f"{kind}\t{_escape(subject)}\t{_escape(old_answer)}" if same else None
-        if line is None:
+        if kind == BYTES and asked.get((LINK, subject, "")) == "":
+            kind = MADE
+        elif kind == NAMES:
+            expected = _digest(expected)
+        stamp = _proof(kind, subject, detail, expected, began_ns - RACY_NS)
+        if stamp is None:
             changed.append(subject)
         else:
-            lines.append(line)
+            lines.append("\t".join([kind, *map(_escape, (subject, detail, expected)), stamp]))
     return lines, changed
 
 
@@ -208,62 +181,67 @@ def _save(record: str, lines: list[str]) -> None:
 
 def _renewed(line: str) -> str | None:
     """The same line, its stamps brought up to date; None when the answer is another one now."""
-    kind, name, rest = line.split("\t", 2)
-    path = _unescape(name) if "\\" in name else name
-    if len(kind) >= 64:
-        try:
-            status = os.lstat(path) if kind[0] == MADE else os.stat(path)
-        except OSError:
-            return None
-        return line if signature_text(status) == rest else _file_line(path, kind[-64:], kind[:-64])
-    if kind == NAMES:
-        stamp, pattern, digest = rest.split("\t")
-        same = stamp != UNPROVEN and _folder_stamp(path) == stamp
-        return line if same else _names_line(path, _unescape(pattern), digest)
-    if kind == COUNT:
-        return line if str(_count_below(path)) == rest else None
-    return line if answer((kind, path, "")) == _unescape(rest) else None
+    kind, name, detail, expected, stamp = line.split("\t")
+    subject = _unescape(name) if "\\" in name else name
+    if stamp and (status := _status(kind, subject)) and signature_text(status) == stamp:
+        return line
+    fresh = _proof(kind, subject, _unescape(detail), _unescape(expected))
+    return None if fresh is None else line.removesuffix(stamp) + fresh
 
 
-def _file_line(
-    path: str, digest: str, mark: str, trusted_before_ns: int | None = None
+def _proof(
+    kind: str, subject: str, detail: str, expected: str, trusted_before_ns: int = 0
 ) -> str | None:
-    """The line of one file, or None when its bytes are not those of the digest.
+    """The stamps that prove an answer while they stay; None when it is not the expected one now.
 
-    mark: MADE, or "" for a file that may be a link: the stamps are those of what it leads to.
+    UNPROVEN when the stamps are too young, "" for a question that is asked again each time.
     trusted_before_ns: a file not touched since then needs no reading.
     """
     try:
-        status = os.lstat(path) if mark == MADE else os.stat(path)
-        now = time.time_ns()
-        touched = max(status.st_mtime_ns, status.st_ctime_ns)
-        trusted = trusted_before_ns is not None and touched < trusted_before_ns
-        if not stat.S_ISREG(status.st_mode) or (not trusted and digest_file(path) != digest):
+        now, status = time.time_ns(), _status(kind, subject)
+        touched = max(status.st_mtime_ns, status.st_ctime_ns) if status else now
+        is_file = kind in (BYTES, MADE)
+        if is_file and not (status and stat.S_ISREG(status.st_mode)):
             return None
-        proven = touched < now - RACY_NS
-        return f"{mark}{digest}\t{_escape(path)}\t{signature_text(status) if proven else UNPROVEN}"
+        trusted = is_file and touched < trusted_before_ns
+        if not trusted and _answer(kind, subject, detail) != expected:
+            return None
+    except (OSError, ValueError):
+        return None
+    if status and touched < now - RACY_NS:
+        return signature_text(status)
+    return UNPROVEN if is_file or kind == NAMES else ""
+
+
+def _status(kind: str, subject: str) -> os.stat_result | None:
+    """What `stat` says of a file, or of a folder, which a new or removed entry gives new stamps.
+
+    None where nothing is there, and for questions that no stamp answers.
+    """
+    try:
+        if kind == MADE:
+            return os.lstat(subject)
+        return os.stat(subject) if kind in (BYTES, NAMES) else None
     except (OSError, ValueError):
         return None
 
 
-def _names_line(folder: str, pattern: str, digest: str) -> str | None:
-    """The line of a folder's names, or None when they are others now. digest: of their text."""
-    now = time.time_ns()
-    stamp = _folder_stamp(folder)
-    if digest_bytes(names_text(folder, pattern).encode("utf-8", "surrogateescape")) != digest:
-        return None
-    touched = max(map(int, stamp.split()[:2])) if stamp else now
-    proven = stamp if touched < now - RACY_NS else UNPROVEN
-    return f"{NAMES}\t{_escape(folder)}\t{proven}\t{_escape(pattern)}\t{digest}"
+def _answer(kind: str, subject: str, detail: str) -> str:
+    if kind in (BYTES, MADE):
+        return digest_file(subject)
+    if kind == COUNT:
+        return _count_below(subject)
+    if kind == NAMES:
+        return _digest(names_text(subject, detail))
+    return answer((kind, subject, detail))
 
 
-def _folder_stamp(folder: str) -> str:
-    """A new, removed or renamed entry gives a folder new stamps. "" = it is not there."""
-    return answer((STAMP, folder, ""))
+def _digest(names: str) -> str:
+    return digest_bytes(names.encode("utf-8", "surrogateescape"))
 
 
-def _count_below(folder: str) -> int:
-    """Number of files and other things below a folder that are not folders; -1 when absent."""
+def _count_below(folder: str) -> str:
+    """Number of files and other things below a folder that are not folders; "-1" when absent."""
     count = 0
     pending = [folder]
     while pending:
@@ -275,8 +253,8 @@ def _count_below(folder: str) -> int:
                     else:
                         count += 1
         except OSError:
-            return -1
-    return count
+            return "-1"
+    return str(count)
 
 
 def _escape(text: str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from assetbuild.engine.actions import Action, Made
-from assetbuild.engine.children import Children, Ended, last_line, step_environment
+from assetbuild.engine.children import Children, Ended, last_line
 from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
@@ -108,7 +108,7 @@ class Processes:
             result, used = self._in_child(action, folder)
         else:
             files = Files(inputs=folder / "inputs", outputs=folder / "outputs")
-            result, trace = perform(action.step, files, action.label)
+            result, trace = perform(lambda: action.step, files, action.label, action.step.limits)
             used = Ended(status=0, wall_s=round(time.monotonic() - began, 4))
             if trace:
                 (folder / "log").write_text(trace, encoding="utf-8", errors="backslashreplace")
@@ -127,23 +127,24 @@ class Processes:
         )
 
     def _in_child(self, action: Action, folder: Path) -> tuple[dict[str, Any], Ended]:  # Any: JSON
-        home, log = folder / "home", folder / "log"
+        step, home, log = action.step, folder / "home", folder / "log"
         home.mkdir()
+        variables = ("TMPDIR",) if step.network else ("TMPDIR", "HOME")
         job = {
             "label": action.label,
-            "step": step_to_json(action.step),
+            "step": step_to_json(step),
             "inputs": str(folder / "inputs"),
             "outputs": str(folder / "outputs"),
             "result": str(folder / "result.json"),
             "log": str(log),
             "home": str(home),
-            "environ": step_environment(action.step, home),
-            "limits": asdict(action.step.limits),
+            "environ": dict.fromkeys(variables, str(home)),
+            "limits": asdict(step.limits),
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         for attempt in range(1, ATTEMPTS + 1):
-            ended = self._children.run(action.step, path)
+            ended = self._children.run(step, path)
             if ended.status == 0 and not ended.over:
                 with suppress(OSError, ValueError):
                     result = json.loads((folder / "result.json").read_bytes())
@@ -222,19 +223,17 @@ def stage(session: Session, inputs: Mapping[str, str], folder: Path) -> Staged:
     LostObjectError when the store lost an object; SourceError when a source was edited meanwhile.
     """
     folder.mkdir()
-    paths: dict[str, tuple[str, Path]] = {}
+    staged: Staged = {}
     for name, digest in inputs.items():
-        if name.endswith("/"):
-            paths[name] = digest, session.view(digest)
-            for member, (part, _) in session.tree(digest).items():
-                paths[name + member] = part, session.object(part)
-        else:
-            paths[name] = digest, session.object(digest)
-    for name in inputs:
+        path = session.view(digest) if name.endswith("/") else session.object(digest)
+        staged[name] = digest, path, signature_of(path.stat())
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
-        place.symlink_to(paths[name][1])
-    return {name: (*path, signature_of(path[1].stat())) for name, path in paths.items()}
+        place.symlink_to(path)
+        for member, (part, _) in session.tree(digest).items() if name.endswith("/") else ():
+            path = session.object(part)
+            staged[name + member] = part, path, signature_of(path.stat())
+    return staged
 
 
 def check_untouched(session: Session, staged: Staged, label: str) -> None:

@@ -19,14 +19,8 @@ from __future__ import annotations
 import os
 import stat
 
-BYTES, KIND, LINK, NAMES, VARIABLE, STAMP = (
-    "bytes",
-    "kind",
-    "link",
-    "names",
-    "variable",
-    "stamp",
-)
+BYTES, KIND, LINK = "bytes", "kind", "link"
+NAMES, VARIABLE, STAMP = "names", "variable", "stamp"
 DEEP = "/"
 """Begins a pattern that all folders match, but for hidden ones."""
 BUT = "/"

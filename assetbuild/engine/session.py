@@ -118,7 +118,7 @@ class Resolver:
                     return None
                 inputs[name] = digest
             parts = key_parts(node.step, inputs, self._session.code)
-            self._actions[label] = Action.of(label, node.step, parts)
+            self._actions[label] = Action(label, node.step, parts)
         return self._actions[label]
 
     def made(self, label: str) -> Made | None:

@@ -183,23 +183,13 @@ class Store:
             self._verified[digest] = signature
         return path
 
-    def read(self, digest: str) -> bytes:
-        """The object's bytes, verified. LostObjectError when missing or corrupt."""
-        try:
-            data = self._object(digest).read_bytes()
-        except OSError as error:
-            raise LostObjectError(digest, error.strerror or str(error)) from None
-        if digest_bytes(data) != digest:
-            self._quarantine(digest)
-        return data
-
     def tree(self, digest: str) -> Listing:
         """The listing of a stored tree, verified; its objects are not. LostObjectError."""
-        data = self.read(digest)
+        path = self.path(digest)
         try:
-            raw = json.loads(data)
+            raw = json.loads(path.read_bytes())
             listing = {str(name): (str(d), int(size)) for name, (d, size) in raw.items()}
-        except (ValueError, TypeError, AttributeError):
+        except (OSError, ValueError, TypeError, AttributeError):
             raise LostObjectError(digest, "it is not a tree") from None
         for name, (member, _) in listing.items():
             if not is_plain_path(name) or not _is_digest(member):

@@ -10,10 +10,9 @@ import importlib
 import io
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from assetbuild import errors
 from assetbuild.engine.digest import canonical_json
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import AssetBuildError, MachineError, StepError, Where
@@ -67,17 +66,19 @@ def error_from_json(raw: Mapping[str, Any]) -> AssetBuildError:  # Any: JSON
                 return kind(raw["message"], where=where, hint=raw["hint"])
             except TypeError:  # a class with a constructor of its own: take its base
                 continue
-    return errors.StepError(raw["message"], where=where, hint=raw["hint"])
+    return StepError(raw["message"], where=where, hint=raw["hint"])
 
 
-def perform(step: Step, files: Files, label: str) -> tuple[dict[str, object], str]:
+def perform(
+    step: Callable[[], Step], files: Files, label: str, limits: Limits
+) -> tuple[dict[str, object], str]:
     """Run a step; `{"findings": [...]}` or `{"error": {...}}`, and the traceback of an error.
 
     Used by the child process and by in-process steps alike, so both give the same result.
     """
     try:
         findings = []
-        for finding in step.run(files) or ():
+        for finding in step().run(files) or ():
             if not isinstance(finding, Finding):
                 raise TypeError(f"run() yielded {type(finding).__name__}, not a Finding")
             findings.append(finding.to_json())
@@ -88,7 +89,7 @@ def perform(step: Step, files: Files, label: str) -> tuple[dict[str, object], st
         traceback.print_exception(error, file=log)
         failure = error
         if not isinstance(failure, AssetBuildError):
-            failure = error_of_exception(error, label, step.limits)
+            failure = error_of_exception(error, label, limits)
         return {"error": error_to_json(failure)}, log.getvalue()
 
 

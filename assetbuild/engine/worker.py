@@ -196,18 +196,15 @@ class Zygote:
             os.close(self._waker)
             if "job" in request:
                 caller.close()
-                self._become_step(request["job"], parent)
+                die_with_parent(parent, signal.SIGKILL)
+                if self.fresh:
+                    _become_python({**self.config, "once": request["job"]})
+                _perform_job(json.loads(Path(request["job"]).read_bytes()))
             self._become_worker({**self.config, **request["worker"], "parent": parent}, caller)
         except BaseException:
             traceback.print_exc()  # to the log
         finally:
             os._exit(70)
-
-    def _become_step(self, job: str, parent: int) -> NoReturn:
-        die_with_parent(parent, signal.SIGKILL)
-        if self.fresh:
-            _become_python({**self.config, "once": job})
-        _perform_job(json.loads(Path(job).read_bytes()))
 
     def _become_worker(self, config: dict[str, Any], door: socket.socket) -> NoReturn:  # Any: JSON
         os.environ.clear()
@@ -282,7 +279,7 @@ def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
 def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
     from assetbuild.engine.confine import set_limits
     from assetbuild.engine.step import Files, Limits
-    from assetbuild.engine.wire import error_of_exception, error_to_json, perform, step_from_json
+    from assetbuild.engine.wire import perform, step_from_json
 
     _redirect(job["log"])
     os.chdir(job["home"])
@@ -295,17 +292,8 @@ def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
         {resource.RLIMIT_FSIZE: (file_bytes, file_bytes), resource.RLIMIT_CPU: (cpu_s, cpu_s)},
     )
     _seed()
-    label = job["label"]
-    try:
-        step = step_from_json(job["step"])
-    except Exception as error:
-        result: dict[str, object] = {
-            "error": error_to_json(error_of_exception(error, label, limits))
-        }
-        trace = f"{type(error).__name__}: {error}\n"
-    else:
-        files = Files(Path(job["inputs"]), Path(job["outputs"]))
-        result, trace = perform(step, files, label)
+    files = Files(Path(job["inputs"]), Path(job["outputs"]))
+    result, trace = perform(lambda: step_from_json(job["step"]), files, job["label"], limits)
     sys.stdout.flush()
     sys.stderr.write(trace)
     sys.stderr.flush()

@@ -43,13 +43,14 @@ LOADER_FOLDERS = ("/lib", "/usr/lib", "/lib64", "/usr/lib64", "/usr/local/lib")
 class World:
     """What a build asks about the world, as it was first answered.
 
-    record: what was asked here. Paths may be relative to the working folder.
+    record: what was asked here. whole: the world that this is a part of; its record holds what all
+    parts asked. Paths may be relative to the working folder.
     """
 
     def __init__(self) -> None:
         self.record: Record = {}
         self.stamps = Stamps()
-        self._whole = self
+        self.whole = self
         self._files: dict[str, Path] = {}
 
     def part(self) -> World:
@@ -58,13 +59,8 @@ class World:
         part.record = {}
         return part
 
-    @property
-    def whole(self) -> World:
-        """The world that this is a part of; its record holds what all parts asked."""
-        return self._whole
-
     def _ask(self, question: Question, how: Callable[[Question], str] = answer) -> str:
-        known = self._whole.record
+        known = self.whole.record
         reply = known.get(question)
         if reply is None:
             reply = known.setdefault(question, how(question))
@@ -80,7 +76,7 @@ class World:
     def _digest(self, question: Question) -> str:
         path = question[1]
         try:
-            digest = self._whole.stamps.digest(path)
+            digest = self.whole.stamps.digest(path)
         except OSError as error:
             self._ask((STAMP, path, ""))  # `watch` waits for what can be read
             reason = error.strerror or str(error)
@@ -97,7 +93,7 @@ class World:
     def wrote(self, path: Path, data: bytes) -> None:
         """This build itself wrote a file: what was answered about it before holds no longer."""
         place = str(path.absolute())
-        for record in (self.record, self._whole.record):
+        for record in (self.record, self.whole.record):
             for question in [each for each in record if each[1] == place]:
                 del record[question]
         self.saw(path, data)
@@ -106,7 +102,7 @@ class World:
         """SourceError when one of these files is not what it was when first seen."""
         for path in paths:
             try:
-                same = self._whole.stamps.digest(path) == self.digest(Path(path))
+                same = self.whole.stamps.digest(path) == self.digest(Path(path))
             except OSError:
                 same = False
             if not same:

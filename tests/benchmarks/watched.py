@@ -52,10 +52,10 @@ def watch(log: str) -> None:
             if not depth:
                 spent += time.process_time() - began
 
-    def performed(step: Any, files: Any, label: str) -> Any:  # Any: as `perform`
+    def performed(step: Any, files: Any, label: str, limits: Any) -> Any:  # Any: as `perform`
         nonlocal spent
         before, spent = time.process_time(), 0.0
-        made = perform(step, files, label)
+        made = perform(step, files, label, limits)
         note(log, "step", label, before + spent)
         return made
 

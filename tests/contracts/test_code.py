@@ -56,7 +56,8 @@ for file in job["runs"]:
     sys.addaudithook(note)
     os.chdir(run["home"])
     step = step_from_json(run["step"])
-    result, log = perform(step, Files(Path(run["inputs"]), Path(run["outputs"])), run["label"])
+    files = Files(Path(run["inputs"]), Path(run["outputs"]))
+    result, log = perform(lambda: step, files, run["label"], step.limits)
     seen = {"modules": sorted(set(sys.modules) - before), "opened": opened, "programs": programs}
     Path(file).with_name("seen.json").write_text(json.dumps({**seen, "log": log}))
     os._exit(0)

@@ -15,12 +15,12 @@ from steps_for_tests import Count
 from assetbuild.engine import claims
 from assetbuild.engine.claims import (
     EXPIRY_S,
-    Turns,
     claim_new_folder,
     claimed_name,
     is_claimed,
     release,
     remove_abandoned,
+    turn,
 )
 from assetbuild.engine.execute import execute
 from assetbuild.engine.housekeeping import collect, stats
@@ -171,15 +171,15 @@ def test_a_claim_is_renewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_turn_of_another_machine_is_taken_when_it_expired(tmp_path: Path):
-    turn = tmp_path / "k"
-    turn.symlink_to(elsewhere(tmp_path))
+    link = tmp_path / "k"
+    link.symlink_to(elsewhere(tmp_path))
     began = time.monotonic()
-    with Turns(tmp_path).turn("k", patience_s=0.3):
+    with turn(tmp_path / "k", patience_s=0.3):
         assert time.monotonic() - began >= 0.3
-    assert turn.is_symlink()  # we went on without it
-    make_old(turn, EXPIRY_S + 60)
+    assert link.is_symlink()  # we went on without it
+    make_old(link, EXPIRY_S + 60)
     began = time.monotonic()
-    with Turns(tmp_path).turn("k", patience_s=30):
+    with turn(tmp_path / "k", patience_s=30):
         assert time.monotonic() - began < 5
     assert list(tmp_path.iterdir()) == []
 
@@ -187,6 +187,6 @@ def test_a_turn_of_another_machine_is_taken_when_it_expired(tmp_path: Path):
 def test_what_an_earlier_version_left_in_the_place_of_a_turn_is_removed(tmp_path: Path):
     (tmp_path / "k").touch()
     began = time.monotonic()
-    with Turns(tmp_path).turn("k", patience_s=30):
+    with turn(tmp_path / "k", patience_s=30):
         assert time.monotonic() - began < 5
     assert list(tmp_path.iterdir()) == []

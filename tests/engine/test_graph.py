@@ -11,7 +11,7 @@ from steps_for_tests import Count, Mix, Split, Write
 
 from assetbuild.cli.plan import to_dot, to_json, to_text
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import GraphError, Node, Ref, checked_graph
+from assetbuild.engine.graph import GraphError, Node, Ref
 from assetbuild.engine.planner import Planner, nothing, planned, settle, settle_all
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
@@ -72,15 +72,6 @@ def test_what_a_plan_may_not_ask_for_is_refused(planner, mistake):
 def test_a_missing_source_is_the_users_error(planner, tmp_path):
     with pytest.raises(SourceError, match=r"cannot read .*gone\.urdf"):
         planner.source(tmp_path / "gone.urdf")
-
-
-def test_a_circle_is_refused_and_shown():
-    nodes = [
-        Node("a", Mix(), {"x": Ref("b", "out")}),
-        Node("b", Mix(), {"x": Ref("a", "out")}),
-    ]
-    with pytest.raises(GraphError, match=r"a -> b -> a|b -> a -> b"):
-        checked_graph(nodes)
 
 
 def test_a_graph_is_ordered_and_drawn(planner, tmp_path):

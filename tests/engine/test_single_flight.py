@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from steps_for_tests import Count, Mix
 
-from assetbuild.engine.claims import Turns
+from assetbuild.engine.claims import turn
 from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
@@ -93,8 +93,8 @@ def test_a_failure_is_not_shared_and_the_next_in_turn_tries_itself(session: Sess
 
 def test_a_killed_owner_frees_its_turn_at_once(tmp_path: Path):
     code = (
-        "import sys, time; from pathlib import Path; from assetbuild.engine.claims import Turns\n"
-        "with Turns(Path(sys.argv[1])).turn('k', patience_s=1):\n"
+        "import sys, time; from pathlib import Path; from assetbuild.engine.claims import turn\n"
+        "with turn(Path(sys.argv[1], 'k'), patience_s=1):\n"
         "    print('held', flush=True); time.sleep(60)"
     )
     owner = subprocess.Popen(
@@ -104,22 +104,21 @@ def test_a_killed_owner_frees_its_turn_at_once(tmp_path: Path):
     assert owner.stdout.readline() == "held\n"
     threading.Timer(0.2, owner.kill).start()
     began = time.monotonic()
-    with Turns(tmp_path).turn("k", patience_s=30):
+    with turn(tmp_path / "k", patience_s=30):
         assert 0.15 < time.monotonic() - began < 5
     owner.wait()
     owner.stdout.close()
 
 
 def test_nobody_waits_for_ever(tmp_path: Path):
-    turns = Turns(tmp_path)
     entered: list[float] = []
 
     def wait() -> None:
         began = time.monotonic()
-        with turns.turn("k", patience_s=0.2):
+        with turn(tmp_path / "k", patience_s=0.2):
             entered.append(time.monotonic() - began)
 
-    with turns.turn("k", patience_s=1):
+    with turn(tmp_path / "k", patience_s=1):
         other = threading.Thread(target=wait)
         other.start()
         other.join(10)

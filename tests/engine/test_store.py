@@ -64,12 +64,12 @@ def test_a_restored_file_is_a_copy_and_the_object_is_read_only(store: Store, tmp
     assert store.path(digest).stat().st_mode & 0o777 == 0o444
     store.restore(digest, tmp_path / "dest")
     (tmp_path / "dest").write_bytes(b"edited in place")
-    assert store.read(digest) == b"abc"
+    assert store.path(digest).read_bytes() == b"abc"
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_corrupt_object_is_never_given_out(store: Store, tmp_path: Path, fault: str):
-    for use in (store.read, store.path, lambda d: store.restore(d, tmp_path / "dest")):
+    for use in (store.tree, store.path, lambda d: store.restore(d, tmp_path / "dest")):
         digest = store.put_bytes(b"abcdef")
         store.path(digest)
         FAULTS[fault](object_file(store, digest))
@@ -85,7 +85,7 @@ def test_putting_the_same_bytes_heals_a_corrupt_object(store: Store):
     digest = store.put_bytes(b"abcdef")
     flip(object_file(store, digest))
     assert store.put_bytes(b"abcdef") == digest
-    assert store.read(digest) == b"abcdef"
+    assert store.path(digest).read_bytes() == b"abcdef"
 
 
 @pytest.mark.parametrize(("tick_ns", "times"), [(1, 1), (10**9, 2)])

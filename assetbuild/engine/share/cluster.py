@@ -191,7 +191,7 @@ def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
     The machine that plans looks after sources, and holds the turn of the action. Nothing is taken
     for granted that an earlier action saw: this process may have run for a week.
     """
-    action = Action.of(spec["label"], step_from_json(spec["step"]), spec["parts"])
+    action = Action(spec["label"], step_from_json(spec["step"]), spec["parts"])
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
     session, remote, processes = _place(address)

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 ENTRY_FORMAT = 1
 ENTRY_BYTES = 16 << 20
 """No action entry is larger."""
-TOLERATED_ERRORS = 3
 
 FAULTS = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
 """What a server that misbehaves can cause."""
@@ -53,7 +52,7 @@ class Budget:
     request_s: float = 10.0
     lost_s: float = 20.0
     object_bytes: int = 4 << 30
-    errors: int = TOLERATED_ERRORS
+    errors: int = 3
 
 
 def place_of(url: str, request_s: float) -> Place:

@@ -30,6 +30,10 @@ ANSWER_BYTES = 1 << 20
 """No answer to an upload is read further."""
 CONNECTIONS = 16
 """As many are kept."""
+ONCE_MORE = urllib3.Retry(
+    connect=0, read=1, redirect=0, status=0, other=0, respect_retry_after_header=False
+)
+"""A server may close a connection that was kept."""
 
 
 class HttpPlace:
@@ -96,7 +100,17 @@ class HttpPlace:
             headers |= {"Content-Length": str(size), "Content-Type": "application/octet-stream"}
         with _plain_errors():
             with _within(self._request_s + size / SLOWEST):
-                response = self._answer(verb, f"{self.name}/{name}", body, headers)
+                response = self._manager.urlopen(
+                    verb,
+                    f"{self.name}/{name}",
+                    body=body,
+                    headers=headers,
+                    redirect=False,
+                    retries=ONCE_MORE,
+                    preload_content=False,
+                    decode_content=False,
+                    timeout=urllib3.Timeout(connect=self._request_s, read=self._request_s),
+                )
             with response:
                 if response.status not in (200, 201, 204, 404):
                     raise ValueError(f"it answered {response.status}")
@@ -104,27 +118,6 @@ class HttpPlace:
                 if response.status == 404:
                     for _ in self._body(response, ANSWER_BYTES):
                         pass
-
-    def _answer(self, verb: str, url: str, body: Any, headers: dict[str, str]) -> Any:
-        for attempt in (1, 2):
-            try:
-                return self._manager.urlopen(
-                    verb,
-                    url,
-                    body=body,
-                    headers=headers,
-                    redirect=False,
-                    retries=False,
-                    preload_content=False,
-                    decode_content=False,
-                    timeout=urllib3.Timeout(connect=self._request_s, read=self._request_s),
-                )
-            except urllib3.exceptions.ProtocolError:
-                if attempt == 2:
-                    raise
-                if body is not None:  # a server may close a connection that was kept
-                    body.seek(0)
-        raise AssertionError
 
     def _body(self, response: Any, limit: int) -> Iterator[bytes]:
         """The body in chunks, and one byte beyond the limit if it is larger than that."""

@@ -82,28 +82,22 @@ class S3Place:
 
     def put(self, name: str, body: bytes | Path) -> None:
         """Upload bytes or a file; a large one in parts, which appear together."""
-        import obstore
-
         with _plain_errors():
-            obstore.put(self._store, name, body, chunk_size=5 * PART, max_concurrency=2)
+            self._store.put(name, body, chunk_size=5 * PART, max_concurrency=2)
 
     def _size(self, name: str) -> int | None:
-        import obstore
-
         with _plain_errors():
             try:
-                return int(obstore.head(self._store, name)["size"])
+                return int(self._store.head(name)["size"])
             except FileNotFoundError:
                 return None
 
     def _part(self, name: str, start: int, length: int) -> bytes | None:
-        import obstore
-
         if not length:
             return b""
         with _plain_errors():
             try:
-                return bytes(obstore.get_range(self._store, name, start=start, length=length))
+                return bytes(self._store.get_range(name, start=start, length=length))
             except FileNotFoundError:
                 return None
 
