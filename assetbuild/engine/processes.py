@@ -31,8 +31,10 @@ ATTEMPTS = 2
 class Processes:
     """Runs actions here, from many threads; a context manager that ends what still runs."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, *, long_lived: bool = False) -> None:
+        """long_lived: nothing of a step stays when it has ended."""
         self._session = session
+        self._long_lived = long_lived
         self._children = Children(session.store.scratch())
 
     def __enter__(self) -> Self:
@@ -101,7 +103,8 @@ class Processes:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _run(self, action: Action, folder: Path) -> Made:
-        staged = stage(self._session, action.inputs, folder / "inputs")
+        alone = self._long_lived
+        staged = stage(self._session, action.inputs, folder / "inputs", alone=alone)
         (folder / "outputs").mkdir()
         began = time.monotonic()
         if not action.step.in_parent:
@@ -216,21 +219,25 @@ Staged = dict[str, tuple[str, Path, Signature]]
 """What a step may read, by its path below the folder -> (digest, file or folder, signature)."""
 
 
-def stage(session: Session, inputs: Mapping[str, str], folder: Path) -> Staged:
+def stage(
+    session: Session, inputs: Mapping[str, str], folder: Path, *, alone: bool = False
+) -> Staged:
     """Lay out inputs (name -> digest) as links to verified objects; `folder` is made.
 
-    All steps of a session that read a tree share one folder of links, and none may write there.
+    All steps of a session that read a tree share one folder of links, unless they are `alone`, and
+    none may write there.
     LostObjectError when the store lost an object; SourceError when a source was edited meanwhile.
     """
     folder.mkdir()
     staged: Staged = {}
     for name, digest in inputs.items():
-        path = session.view(digest) if name.endswith("/") else session.object(digest)
+        place, is_tree = folder / name, name.endswith("/")
+        own = folder.with_name("views") / digest if alone else None
+        path = session.view(digest, own) if is_tree else session.object(digest)
         staged[name] = digest, path, signature_of(path.stat())
-        place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
         place.symlink_to(path)
-        for member, (part, _) in session.tree(digest).items() if name.endswith("/") else ():
+        for member, (part, _) in session.tree(digest).items() if is_tree else ():
             path = session.object(part)
             staged[name + member] = part, path, signature_of(path.stat())
     return staged

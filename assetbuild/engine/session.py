@@ -81,16 +81,22 @@ class Session:
             self._listings[digest] = self.store.tree(digest)
         return self._listings[digest]
 
-    def view(self, digest: str) -> Path:
-        """A folder of links to the files of a tree, made once per session. Errors as `object`."""
-        if digest not in self._views:
-            folder = self.store.scratch()
-            for name, (member, _) in self.tree(digest).items():
-                place = folder / name
-                place.parent.mkdir(parents=True, exist_ok=True)
-                place.symlink_to(self.object(member))
+    def view(self, digest: str, own: Path | None = None) -> Path:
+        """A folder of links to the files of a tree, made once per session. Errors as `object`.
+
+        own: the folder to make instead, which goes with a step.
+        """
+        if own is None and digest in self._views:
+            return self._views[digest]
+        folder = own or self.store.scratch()
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, (member, _) in self.tree(digest).items():
+            place = folder / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.symlink_to(self.object(member))
+        if own is None:
             self._views[digest] = folder
-        return self._views[digest]
+        return folder
 
     def forget(self) -> None:
         """An object was lost: look again what is whole."""

@@ -27,7 +27,8 @@ class Mix(Step):
     keep: int = 16
 
     def run(self, files: Files) -> Iterable[Finding]:
-        names = sorted(p for p in files.inputs.rglob("*") if p.is_file())
+        walked = os.walk(files.inputs, followlinks=True)
+        names = sorted(Path(folder, name) for folder, _, names in walked for name in names)
         text = [str(self.salt)]
         text += [f"{p.relative_to(files.inputs)}={p.read_text()}" for p in names]
         mixed = hashlib.sha256("\n".join(text).encode()).hexdigest()[: self.keep]
@@ -126,6 +127,9 @@ class Misbehave(Step):
         path = (files.inputs / "in").resolve()
         path.chmod(0o644)
         path.write_text("poisoned")
+
+    def do_add_to_folder(self, files: Files) -> None:
+        (files.inputs / "parts" / "more").write_text("poisoned")
 
     def do_read_environment(self, files: Files) -> None:
         names = ("OMP_NUM_THREADS", "HOME", "TZ", "LC_ALL", "PYTHONHASHSEED", "SECRET")

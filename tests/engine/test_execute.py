@@ -122,6 +122,23 @@ def test_writing_to_an_input_fails_the_step_and_the_store_heals(session, source)
     assert session.read(session.world.digest(source)) == b"1"
 
 
+@pytest.mark.parametrize("long_lived", [False, True])
+def test_a_file_put_into_a_folder_that_others_read_reaches_none_of_them(
+    session, source, long_lived
+):
+    source.write_text("one 1\nsub/two 2\n")
+    planner = Planner(session)
+    split = planner.add("split", Split(), {"in": planner.source(source)})
+    planner.add("bad", Misbehave(how="add_to_folder"), {"parts/": split["parts/"]})
+    planner.add("good", Mix(), {"parts/": split["parts/"]})
+    with Processes(session, long_lived=long_lived) as runner:
+        results = execute(planner.graph(), session, runner, keep_going=True, jobs=1)
+        left = [path for path in session.store.root.rglob("more") if path.is_file()]
+    assert "wrote to its input `parts/`" in str(results["bad"].error)
+    assert results["good"].error is None
+    assert bool(left) != long_lived  # nothing of a step stays where processes run for long
+
+
 # --- scheduling
 
 

@@ -182,7 +182,7 @@ def _place(address: str) -> tuple[Session, Remote, Processes]:
     patient = Budget(lost_s=math.inf, errors=1 << 30)  # it lives longer than one build
     remote = Remote(address, key=key, write=True, budget=patient)
     session = Session(open_store(Path(cache_root())), build="cluster")
-    return session, remote, Processes(session)
+    return session, remote, Processes(session, long_lived=True)
 
 
 def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
