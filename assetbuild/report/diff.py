@@ -15,7 +15,7 @@ from assetbuild.facts.again.tree import NotParsedError, groups
 from assetbuild.facts.compare import Difference, differences, value_text
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
-from assetbuild.report.sides import DERIVED, ROBOT, Form, Side
+from assetbuild.report.sides import DERIVED, ROBOT, Form, Side, stages_of
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
 
@@ -306,9 +306,8 @@ def _files(
 
 def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
     """What two files say otherwise; nothing where both mean the same."""
-    stages = tuple(sorted((before / "usd").glob("*.usd*"))) if path.startswith("usd/") else ()
     try:
-        rows = rows_of(before / path, after / path, stages)
+        rows = rows_of(before / path, after / path, stages_of(before, path))
     except (NotParsedError, ValueError) as error:
         yield Change("HIGH", (f"file {path}",), "can be read", "?", "no", str(error))
         return

@@ -96,6 +96,11 @@ def bundle_readers(
             yield kind.format_id, reader, file
 
 
+def stages_of(folder: Path, path: str) -> tuple[Path, ...]:
+    """The stages of USD that the file at `path` in a bundle may be a layer of."""
+    return tuple(sorted((folder / path.partition("/")[0]).glob("*.usd*")))
+
+
 def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # Any: JSON
     """With what the links were before merging, and the sections that say how files are written."""
     merged, links = robot_table(reference), robot_table(reference, merged=False)
