@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
@@ -17,7 +18,7 @@ from assetbuild.errors import AssetBuildError, Where
 from assetbuild.facts.reader import Reader
 from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.lock import lock_path, place_of_pin
-from assetbuild.pipeline.answers import answers
+from assetbuild.pipeline.answers import answers, renamed
 from assetbuild.plan import Outline
 from assetbuild.plan.asked import asked
 from assetbuild.plan.edits import AGAIN
@@ -166,11 +167,9 @@ def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> C
         digest = results[outline.source_map.node][outline.source_map.output]
         source_map = json.loads(session.read(digest))
         file, lines = source_map["file"], source_map["lines"]
-    for label in outline.edits:  # the source knows its own names only
-        for finding in results[label].findings if label in results else ():
-            if finding.rule == "edit.rename":
-                kind = finding.subject.partition(" ")[0]
-                lines[finding.subject] = lines.get(f"{kind} {finding.data['before']}", 0)
+    edits = (results[label].findings for label in outline.edits if label in results)
+    for before, now in renamed(chain.from_iterable(edits)):
+        lines[now] = lines.get(before, 0)  # the source knows its own names only
     recipe = outline.composed or loaded
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 

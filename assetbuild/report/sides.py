@@ -20,7 +20,7 @@ from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import usable_plugins
-from assetbuild.report.bundle import files_of
+from assetbuild.report.bundle import files_of, read_json
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
@@ -65,8 +65,8 @@ class Side:
 def bundle_side(bundle: Path, name: str = "") -> Side:
     """A folder that `build` wrote, as its files lie there; UsageError when it is none."""
     reference = Reference.of_bundle(bundle)
-    report = _json(bundle / "report/report.json", bundle)
-    robot = str(_json(bundle / "manifest.json", bundle).get("robot", bundle.name))
+    report = read_json(bundle, "report/report.json")
+    robot = str(read_json(bundle, "manifest.json").get("robot", bundle.name))
     digests = {name: digest_file(p) for name, p in sorted(files_of(bundle)) if p.is_file()}
     whole = functools.partial(_whole_robot, reference, report)
     forms = {ROBOT: Form(whole, covers=("report/robot.json",))}
@@ -122,22 +122,6 @@ def _read(reader: Reader, file: Path, bundle: Path) -> Table:
         if isinstance(error, AssetBuildError):
             why, hint = error.message, error.hint
         raise UsageError(f"{file.relative_to(bundle)}: {why}", hint=hint) from None
-
-
-def _json(file: Path, bundle: Path) -> dict[str, Any]:  # Any: plain JSON
-    try:
-        raw = json.loads(file.read_bytes())
-    except FileNotFoundError:
-        missing = file.relative_to(bundle)
-        raise UsageError(
-            f"`{bundle}` is no bundle of this version: it has no {missing}",
-            hint="build it again, or give the MJCF, URDF or USD in it",
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise UsageError(f"`{file}` is not JSON: {error}") from None
-    if not isinstance(raw, dict):
-        raise UsageError(f"`{file}` is no JSON object")
-    return raw
 
 
 # --- models that nobody here wrote ----------------------------------------------------------
