@@ -156,7 +156,7 @@ def _finished(
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}
     outline.bodies = p.add("measure_bodies", MeasureBodies(), inputs)["bodies.json"]
-    outline.targets = _targets(recipe, outline.robot, p)
+    outline.targets = {name: add_target(recipe, name, outline.robot, p) for name in recipe.targets}
     if recipe.randomize is not None:
         ports = {port: outline.robot[port] for port in StateRanges.reads}
         outline.ranges = p.add("state_ranges", StateRanges.configure(recipe), ports)
@@ -278,13 +278,13 @@ def _robot(links: Ref, tree: Node, assembled: Node, control: Ref, p: Planner) ->
     }
 
 
-def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:
-    nodes = {}
-    for name in recipe.targets:
-        target = load_plugin(Target, name)
-        ports = {port: robot[port] for port in target.reads}
-        nodes[name] = p.add(name, target.configure(recipe), ports)
-    return nodes
+def add_target(
+    recipe: Recipe, name: str, robot: Mapping[str, Ref], p: Planner, label: str = ""
+) -> Node:
+    """The node of a target that writes the robot. label: the target's name by default."""
+    target = load_plugin(Target, name)
+    ports = {port: robot[port] for port in target.reads}
+    return p.add(label or name, target.configure(recipe), ports)
 
 
 def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[str, Ref]]:

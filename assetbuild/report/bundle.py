@@ -163,6 +163,9 @@ def package_url(name: str, version: str) -> str:
     return f"pkg:pypi/{name.lower()}@{version}"
 
 
+STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
+
+
 def provenance(
     files: Iterable[BundleFile],
     recipe_digest: str,
@@ -176,12 +179,12 @@ def provenance(
     as SLSA asks. run: `finishedOn`, and what has no name in SLSA, with the prefix `assetbuild_`.
     """
     statement = {
-        "_type": "https://in-toto.io/Statement/v1",
+        "_type": STATEMENT,
         "subject": [
             {"name": file.path, "digest": {"sha256": file.sha256}}
             for file in sorted(files, key=lambda file: file.path)
         ],
-        "predicateType": "https://slsa.dev/provenance/v1",
+        "predicateType": PREDICATE,
         "predicate": {
             "buildDefinition": {
                 "buildType": "urn:assetbuild:bundle:v1",
