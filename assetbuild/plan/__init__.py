@@ -28,7 +28,7 @@ from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.plan.asked import checks_of, readers_of
-from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
+from assetbuild.plan.edits import AGAIN, apply_edits, edits_of, guessed_links
 from assetbuild.plan.recipe_consistency import check_against_robot, check_names, turned_meshes
 from assetbuild.plugin_types import Target, lacking
 from assetbuild.plugins import load_plugin
@@ -107,7 +107,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 def begun(loaded: LoadedRecipe) -> Outline:
     """An outline that knows only where the recipe asks for each edit and patch."""
     keys = patch_keys(loaded.recipe.source.patches, loaded.folder, loaded.world)
-    return Outline(edits=edit_keys(loaded.recipe.edits) | keys)
+    edits = {label: key for label, _, key in edits_of(loaded.recipe.edits)}
+    return Outline(edits=edits | keys)
 
 
 def check_recipes(*recipes: LoadedRecipe) -> None:

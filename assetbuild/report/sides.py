@@ -130,8 +130,15 @@ def _read(reader: Reader, file: Path, bundle: Path) -> Table:
 def foreign_side(path: Path) -> Side:
     """One model by the ending of its file; AssetBuildError for what cannot be read."""
     suffix = path.suffix.lower()
+    try:
+        text = path.read_bytes() if suffix in (".json", ".xml", ".urdf", ".mjcf") else b""
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     if suffix == ".json":
-        measured, simulator = readings(path)
+        try:  # what Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`
+            measured, simulator = readings_table(json.loads(text))
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            raise UsageError(f"`{path}` holds no readings: {error}") from None
         facts = {(key.kind, key.quantity) for key in measured.facts}  # it measures some facts only
         return _model(
             f"{path} ({simulator})",
@@ -140,10 +147,6 @@ def foreign_side(path: Path) -> Side:
             precision=Precision(FLOAT32),
             holds=lambda key: (key.kind, key.quantity) in facts,
         )
-    try:
-        text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
-    except OSError as error:
-        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     if b"<robot" in text:
         return _model(str(path), "merged urdf", _merged_urdf(path), holds=_in_urdf)
     for _, kind in usable_plugins(Reader):
@@ -194,16 +197,6 @@ def _merged_urdf(path: Path) -> Table:
         links = replace(links, base="fixed")
     tree = merge_fixed_joints(links, True, ())[0]
     return robot_table(Reference(links, tree))
-
-
-def readings(path: Path) -> tuple[Table, str]:
-    """(facts, simulator) that Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`."""
-    try:
-        return readings_table(json.loads(path.read_bytes()))
-    except OSError as error:
-        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise UsageError(f"`{path}` holds no readings: {error}") from None
 
 
 def config_side(path: Path, name: str, known: Side | None) -> Side:
