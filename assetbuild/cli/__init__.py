@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from assetbuild.cli.parser import recipes_of
 from assetbuild.cli.verbs import VERBS, make_parser, runner
 from assetbuild.errors import AssetBuildError, MachineError
 
@@ -30,6 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.verb is None:
         parser.print_help()
         return 0
+    if "recipes" in arguments:
+        arguments.recipes = recipes_of(arguments.recipes)
     _end_as_by_ctrl_c()
     _show_plugin_warnings()
     if arguments.verb == "build" and not arguments.dry_run:

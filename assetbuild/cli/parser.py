@@ -85,22 +85,8 @@ UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
 UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
 
 
-class Recipes(argparse.Action):
-    """Each recipe once; a lock stands for its recipe, as `recipes/*.yaml` names both."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[Any] | None,  # Any: as argparse has it
-        option_string: str | None = None,
-    ) -> None:
-        """Store them."""
-        setattr(namespace, self.dest, recipes_of([Path(value) for value in values or ()]))
-
-
 def recipes_of(named: Sequence[Path]) -> list[Path]:
-    """`a.yaml` for `a.yaml` and `a.lock.yaml`, in the order of the command line."""
+    """Each recipe once; a lock stands for its recipe, as `recipes/*.yaml` names both."""
     return list(dict.fromkeys(p.with_name(p.name.replace(".lock.", ".")) for p in named))
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from assetbuild._version import __version__
 from assetbuild.cli.parser import (
     Parser,
-    Recipes,
     file_or_robot,
     named_path,
     named_value,
@@ -85,7 +84,7 @@ def out(what: str, metavar: str = "DIR") -> Option:
 
 
 RECIPE = Option("recipe", type=file_or_robot, metavar="RECIPE")
-RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
+RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE")
 BUNDLE = Option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
 POLICY = Option("policy", type=Path, help="a folder with policy.onnx and its "
                 "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
