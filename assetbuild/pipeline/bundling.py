@@ -6,6 +6,7 @@ import datetime
 import os
 import platform
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -249,12 +250,15 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     if _lies_there(files, out, session):
         heal(out)
         return ()
+    before = None
+    with suppress(UsageError):
+        before = manifest_of(out)
     staging = new_staging(out)
     try:
         with machine_errors(out, OUT_OPTION):
             for file in files:
                 _place(file, staging / file.path, out, session)
-            return publish(staging, out, _manifest_or_none(out))
+            return publish(staging, out, before)
     finally:
         release(staging)
 
@@ -281,10 +285,3 @@ def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     else:
         session.object(file.sha256)  # a source comes into the store first
         session.store.restore(file.sha256, path, out)
-
-
-def _manifest_or_none(bundle: Path) -> dict[str, str] | None:
-    try:
-        return manifest_of(bundle)
-    except UsageError:
-        return None

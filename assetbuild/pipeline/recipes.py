@@ -22,13 +22,7 @@ from assetbuild.errors import did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
 from assetbuild.plugin_types import Check, Edit, Plugin, Target
-from assetbuild.plugins import (
-    foreign_names,
-    load_plugin,
-    own_names,
-    plugin_names,
-    usable_plugins,
-)
+from assetbuild.plugins import foreign_names, load_plugin, own_names, plugin_names, usable_plugins
 from assetbuild.recipe.loader import LoadedRecipe, load
 from assetbuild.recipe.models import Collision, CollisionRule, OneEdit, Recipe, ShapedRule, Validate
 from assetbuild.recipe.schema import schema_of
