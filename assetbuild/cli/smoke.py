@@ -10,7 +10,7 @@ from dataclasses import replace
 from assetbuild.cli.build import build_and_print, requests_of
 from assetbuild.cli.summary import shown_figures
 from assetbuild.engine.world import World
-from assetbuild.pipeline.building import check_name, check_of, check_requests
+from assetbuild.pipeline.building import check_name, check_of, read_recipes
 from assetbuild.report.document import Report
 
 
@@ -18,7 +18,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Make what is missing, build, print what each trainer found; 1 when one refuses."""
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
-    check_requests(requests)
+    read_recipes(requests, World())  # a mistake shows before anything large is fetched
     if not _agreed(environments_to_make(consumers), arguments.yes):
         return 2
     for consumer in consumers:
