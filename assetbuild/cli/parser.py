@@ -22,16 +22,13 @@ class Parser(argparse.ArgumentParser):
         """As argparse, but no argument is left over: the parser of a verb is the one to say so."""
         parsed, left = super().parse_known_args(args, namespace)
         for word in left:
-            if word.startswith("-"):
-                self._refuse_option(word)
-            self.refuse(f"`{self.prog}` takes no further argument: `{word}`")
+            if not word.startswith("-"):
+                self.refuse(f"`{self.prog}` takes no further argument: `{word}`")
+            known = [option for option in self._option_string_actions if option.startswith("--")]
+            near = nearest(word, known) if word.startswith("--") else None
+            hint = f"did you mean `{near}`?" if near else f"`{self.prog} --help` lists the options"
+            self.refuse(f"`{self.prog}` has no option `{word}`", hint=hint)
         return parsed, []
-
-    def _refuse_option(self, name: str) -> NoReturn:
-        known = [option for option in self._option_string_actions if option.startswith("--")]
-        near = nearest(name, known) if name.startswith("--") else None
-        hint = f"did you mean `{near}`?" if near else f"`{self.prog} --help` lists the options"
-        self.refuse(f"`{self.prog}` has no option `{name}`", hint=hint)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:  # Any: as argparse has it
         """A word that is none of the choices; argparse has no public method for this."""
@@ -44,7 +41,9 @@ class Parser(argparse.ArgumentParser):
             more = f"`{self.prog} --help` lists the verbs"
             self.refuse(f"no verb named `{value}`", hint=hint or _for_file(str(value)) or more)
         name = (action.option_strings or [str(action.metavar or action.dest)])[-1]
-        self.refuse(f"`{name}` must be {_one_of(known)}, not `{value}`", hint=hint)
+        *most, last = [f"`{one}`" for one in known]
+        choices = f"{', '.join(most)} or {last}" if most else last
+        self.refuse(f"`{name}` must be {choices}, not `{value}`", hint=hint)
 
     def error(self, message: str) -> NoReturn:
         """The words of argparse as ours."""
@@ -65,11 +64,6 @@ class Parser(argparse.ArgumentParser):
         """The usage, the error, and exit code 2."""
         self.print_usage(sys.stderr)
         self.exit(UsageError.exit_code, f"error: {UsageError(message, hint=hint)}\n")
-
-
-def _one_of(names: Sequence[str]) -> str:
-    *most, last = [f"`{name}`" for name in names]
-    return f"{', '.join(most)} or {last}" if most else last
 
 
 def _for_file(word: str) -> str:

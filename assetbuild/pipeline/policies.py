@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.world import World
@@ -113,10 +113,9 @@ def _searched(
     policy: Policy, bot: Bot, network: Network, wish: Wish, fell_s: float
 ) -> Diagnosis | None:
     """In MuJoCo, in shorter runs. fell_s: when it fell, 0 where it did not."""
-    seconds = min(wish.seconds, max(SEARCH_S, fell_s + LONGER_S))
+    shorter = replace(wish, seconds=min(wish.seconds, max(SEARCH_S, fell_s + LONGER_S)))
 
     def attempt(changed: Policy) -> Replay:
-        world = InMujoco(bot, changed, wish.scene)
-        return replay(changed, bot, network, world, wish.command, seconds)
+        return _run(changed, bot, network, "mujoco", shorter)
 
     return diagnose(policy, bot, attempt(policy), attempt)

@@ -24,11 +24,11 @@ def edits_of(entries: Sequence[OneEdit]) -> list[tuple[str, Edit, Key]]:
     """(label of its node, step, key in the recipe) of each."""
     return [
         (
-            f"edit {index + 1} {entry.name}",
+            f"edit {number} {entry.name}",
             getattr(entry, entry.name),
-            ("edits", index, entry.name),
+            ("edits", number - 1, entry.name),
         )
-        for index, entry in enumerate(entries)
+        for number, entry in enumerate(entries, start=1)
     ]
 
 
