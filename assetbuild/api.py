@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,12 +39,13 @@ class Bundle:
     def facts(self) -> Facts:
         """Masses, names and the verdict, from `report/`; UsageError where that is missing."""
         from assetbuild.facts.reference import Reference
+        from assetbuild.report.bundle import read_json
         from assetbuild.robot.inertia import total_mass
 
         reference = Reference.of_bundle(self.path)
         tree, control = reference.tree, reference.control
         frames = control.keyframes
-        report = json.loads((self.path / "report/report.json").read_bytes())
+        report = read_json(self.path, "report/report.json")
         return Facts(
             robot=self._robot,
             ready=bool(report["verdict"]["ready"]),
@@ -80,7 +80,9 @@ class Bundle:
 
     @cached_property
     def _robot(self) -> str:
-        return str(json.loads((self.path / "manifest.json").read_bytes())["robot"])
+        from assetbuild.report.bundle import read_json
+
+        return str(read_json(self.path, "manifest.json")["robot"])
 
 
 def load_bundle(path: str | os.PathLike[str]) -> Bundle:

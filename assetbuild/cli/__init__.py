@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from assetbuild.cli.parser import recipes_of
 from assetbuild.cli.verbs import VERBS, make_parser, runner
-from assetbuild.errors import AssetBuildError, MachineError
+from assetbuild.errors import AssetBuildError, MachineError, one_line
 
 __all__ = ["VERBS", "Terminated", "main", "make_parser", "print_error"]
 MOST_ERRORS = 20
@@ -30,6 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.verb is None:
         parser.print_help()
         return 0
+    if "recipes" in arguments:
+        arguments.recipes = recipes_of(arguments.recipes)
     _end_as_by_ctrl_c()
     _show_plugin_warnings()
     if arguments.verb == "build" and not arguments.dry_run:
@@ -82,7 +85,7 @@ def _refused(error: Exception) -> AssetBuildError | None:
 
 def _bug(error: Exception) -> AssetBuildError:
     """The sentence for what nobody foresaw; the traceback goes to a file, where there is room."""
-    text = " ".join(str(error).split())[:300]
+    text = one_line(error, 300)
     message = f"a bug in assetbuild: {type(error).__name__}{': ' + text if text else ''}"
     try:
         with tempfile.NamedTemporaryFile(

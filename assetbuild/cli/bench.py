@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import io
 import json
 import re
 import subprocess
@@ -24,8 +23,7 @@ from assetbuild.errors import AssetBuildError, StepError, UsageError, did_you_me
 from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
-from assetbuild.plugin_types import Target
-from assetbuild.plugins import load_plugin
+from assetbuild.plan import add_target
 from assetbuild.recipe.models import Collision
 from assetbuild.robot.codec import decode
 from assetbuild.robot.shapes import Mesh, Shapes
@@ -152,9 +150,7 @@ def _measured(name: str, work: Opened) -> Level:
         robot = work.robot(p).robot
         if not robot:
             return None, []
-        target = load_plugin(Target, "mjcf")
-        ports = {port: robot[port] for port in target.reads}
-        mjcf = p.add("mjcf", target.configure(work.loaded.recipe), ports)
+        mjcf = add_target(work.loaded.recipe, "mjcf", robot, p)
         nodes = p.graph().nodes.values()
         return mjcf, [node for node in nodes if isinstance(node.step, CollisionMethod)]
 
@@ -195,16 +191,26 @@ def _simulated(scene: Path) -> dict[str, Any]:  # Any: JSON
 
 
 def _write(rows: Sequence[Level], out: Path) -> frozenset[str]:
-    """Return the names on the Pareto front of quality and speed."""
+    """Write a line for each level; return the names on the Pareto front of quality and speed."""
     points = {
         row.name: (row.speed["steps_per_s"], row.iou)
         for row in rows
         if row.speed is not None and row.iou is not None
     }
     best = front(points)
+    flat = [
+        {"level": row.name, "pareto": row.name in best}
+        | {key: value for key, value in asdict(row).items() if key not in ("name", "speed")}
+        | (row.speed or {})
+        for row in rows
+    ]
     with machine_errors(out, OUT_OPTION):
         out.mkdir(parents=True, exist_ok=True)
-        (out / "bench.csv").write_text(_csv(rows, best), encoding="utf-8")
+        with (out / "bench.csv").open("w", encoding="utf-8", newline="") as file:
+            columns = dict.fromkeys(key for row in flat for key in row)
+            writer = csv.DictWriter(file, columns, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(flat)
     return best
 
 
@@ -215,19 +221,3 @@ def front(points: Mapping[str, tuple[float, float]]) -> frozenset[str]:
         for name, (x, y) in points.items()
         if not any(u >= x and v >= y and (u > x or v > y) for u, v in points.values())
     )
-
-
-def _csv(rows: Sequence[Level], best: frozenset[str]) -> str:
-    """A line for each level, for spreadsheets and plots."""
-    flat = [
-        {"level": row.name, "pareto": row.name in best}
-        | {key: value for key, value in asdict(row).items() if key not in ("name", "speed")}
-        | (row.speed or {})
-        for row in rows
-    ]
-    text = io.StringIO()
-    columns = list(dict.fromkeys(key for row in flat for key in row))
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return text.getvalue()

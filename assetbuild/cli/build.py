@@ -101,16 +101,17 @@ def _remember(outcomes: Sequence[Outcome], world: World, began_ns: int) -> None:
     It is found by the command's words and working folder, so that nothing has to be parsed to find
     it. A store that cannot be written to costs only speed.
     """
-    done = [o for o in outcomes if o.exit_code == 0 and o.report and o.out]
-    if len(done) < len(outcomes):
-        return
     made: dict[str, str] = {}
-    bundles = [outcome.out for outcome in done if outcome.out is not None]
-    for bundle in bundles:
-        digests = {name: digest_file(bundle / name) for name in OWN_FILES}
-        made |= {
-            str(bundle / name): digest for name, digest in (manifest_of(bundle) | digests).items()
-        }
+    folders: list[str] = []
+    summary = ""
+    for outcome in outcomes:
+        bundle, report = outcome.out, outcome.report
+        if outcome.exit_code != 0 or bundle is None or report is None:
+            return
+        digests = manifest_of(bundle) | {name: digest_file(bundle / name) for name in OWN_FILES}
+        made |= {str(bundle / name): digest for name, digest in digests.items()}
+        folders.append(str(bundle))
+        summary += null_summary(outcome, report)
     options = "\n".join((os.getcwd(), *sys.argv[1:]))  # noqa: PTH109 # as `__main__` does
     with contextlib.suppress(OSError):
         noop_build.write(
@@ -118,8 +119,8 @@ def _remember(outcomes: Sequence[Outcome], world: World, began_ns: int) -> None:
             options=options,
             asked=world.record,
             made=made,
-            folders=[str(bundle) for bundle in bundles],
+            folders=folders,
             exit_code=0,
-            summary="".join(null_summary(o, o.report) for o in done if o.report),
+            summary=summary,
             began_ns=began_ns,
         )

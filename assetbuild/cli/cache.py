@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 from assetbuild.engine.housekeeping import check, collect, stats
 from assetbuild.engine.machine import cache_root
-from assetbuild.engine.session import Resolver
+from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import LAYOUT, Store
 from assetbuild.errors import UsageError
 
 if TYPE_CHECKING:
+    from assetbuild.engine.graph import Graph
     from assetbuild.engine.share.remote import Remote
 
 
@@ -58,49 +59,36 @@ def _stats(root: Path, *, as_json: bool) -> int:
 
 def _share(arguments: argparse.Namespace) -> int:
     """1 when the cache fails on the way: here it was asked for."""
-    from assetbuild.pipeline.opening import remote_cache
+    from assetbuild.pipeline.opening import opened, remote_cache
+    from assetbuild.pipeline.recipes import load_recipe
 
     faults: list[str] = []
-    remote = remote_cache(arguments.remote, faults.append, write=arguments.what == "push")
+    is_push = arguments.what == "push"
+    remote = remote_cache(arguments.remote, faults.append, write=is_push)
     if remote is None:
         raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
-    verb, state = (push, "sent") if arguments.what == "push" else (pull, "in the store")
     for recipe in arguments.recipes:
-        done, steps, whole = verb(recipe, arguments.variant, remote)
-        more = "" if whole else ", and more that is known once these are built"
-        print(f"{recipe}: {done} of {steps} results {state}{more}")
+        loaded = load_recipe(recipe, arguments.variant)
+        with opened(loaded, None if is_push else remote) as look:
+            known = look.known() if is_push else look.stored()
+            done = _sent(known.graph, look.session, remote) if is_push else len(known.results)
+        state = "sent" if is_push else "in the store"
+        more = "" if known.whole else ", and more that is known once these are built"
+        print(f"{recipe}: {done} of {len(known.graph.nodes)} results {state}{more}")
     for fault in faults:
         print(fault, file=sys.stderr)
     return 1 if faults else 0
 
 
-def push(recipe: Path, variant: str | None, remote: Remote) -> tuple[int, int, bool]:
-    """Offer every result that the store has; nothing is built.
-
-    (results sent, steps of the graph as far as it is known, whether it has no open question)
-    """
-    from assetbuild.pipeline.opening import opened
-    from assetbuild.pipeline.recipes import load_recipe
-
-    with opened(load_recipe(recipe, variant)) as look:
-        known = look.known()
-        resolver = Resolver(known.graph.nodes, look.session)
-        sent = 0
-        for label in known.graph.nodes:
-            action, made = resolver.action(label), resolver.made(label)
-            if action is not None and made is not None:
-                sent += remote.put(action.key, made, look.session.store)
-    return sent, len(known.graph.nodes), known.whole
-
-
-def pull(recipe: Path, variant: str | None, remote: Remote) -> tuple[int, int, bool]:
-    """Fetch every result that the store lacks and the cache has, as `push` sends them."""
-    from assetbuild.pipeline.opening import opened
-    from assetbuild.pipeline.recipes import load_recipe
-
-    with opened(load_recipe(recipe, variant), remote) as look:
-        stored = look.stored()
-    return len(stored.results), len(stored.graph.nodes), stored.whole
+def _sent(graph: Graph, session: Session, remote: Remote) -> int:
+    """How many results were sent; every one that the store has is offered, nothing is built."""
+    resolver = Resolver(graph.nodes, session)
+    sent = 0
+    for label in graph.nodes:
+        action, made = resolver.action(label), resolver.made(label)
+        if action is not None and made is not None:
+            sent += remote.put(action.key, made, session.store)
+    return sent
 
 
 def _check(store: Store) -> int:

@@ -65,11 +65,11 @@ def _is_light(node: Node) -> bool:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check each recipe; the worst exit code of all."""
-    named = arguments.recipes or sorted(Path("recipes").glob("*.yaml"))
-    if not named:
+    recipes = arguments.recipes or recipes_of(sorted(Path("recipes").glob("*.yaml")))
+    if not recipes:
         raise UsageError("no recipe given, and there is none in `recipes/`")
     codes = [0]
-    for recipe in recipes_of(named):
+    for recipe in recipes:
         try:
             findings = check(recipe)
         except AssetBuildError as error:

@@ -83,11 +83,8 @@ def _checked_out(revision: str, inside: str, folder: Path) -> Path:
         inside = posixpath.normpath(posixpath.join(prefix.strip(), inside))
     tree = folder / "revision"
     tree.mkdir(parents=True)
-    packed = subprocess.run(
-        [git, "archive", "--format=tar", revision],
-        capture_output=True,
-        cwd=top or None,
-    )
+    archive = [git, "archive", "--format=tar", revision]
+    packed = subprocess.run(archive, capture_output=True, cwd=top or None)
     if packed.returncode != 0:
         lines = packed.stderr.decode("utf-8", "replace").strip().splitlines()
         raise UsageError(f"git has no revision `{revision}`: {lines[-1] if lines else ''}")

@@ -65,17 +65,13 @@ def examine() -> Iterator[Row]:
     yield from _libraries()
     yield _cache()
     yield _confinement()
-    if git := shutil.which("git"):
-        yield Row("git", "ok", git)
-    else:
-        use = "sources by `git`, and `diff REVISION:RECIPE`"
-        yield Row("git", "missing", use, "apt-get install git")
+    git, use = shutil.which("git"), "sources by `git`, and `diff REVISION:RECIPE`"
+    yield Row("git", "ok", git) if git else Row("git", "missing", use, "apt-get install git")
     yield from _pictures()
     for extra, module, use in EXTRAS:
-        if importlib.util.find_spec(module) is not None:
-            yield Row(f"extra {extra}", "ok", use)
-        else:
-            yield Row(f"extra {extra}", "optional", use, f"pip install 'assetbuild[{extra}]'")
+        known = importlib.util.find_spec(module) is not None
+        fix = "" if known else f"pip install 'assetbuild[{extra}]'"
+        yield Row(f"extra {extra}", "ok" if known else "optional", use, fix)
     yield from _plugins()
 
 

@@ -178,15 +178,14 @@ def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
         ran = sum(result.status == "ran" for result in outcome.results.values())
         work = (f"{ran} of {len(outcome.results)}", f"{outcome.seconds:.1f}")
         robot, report = markdown_cell(outcome.loaded.recipe.robot), outcome.report
-        if report is None:
-            cells = (robot, "not built", "", str(len(outcome.errors)), "", *work)
-        else:
+        judged = ("not built", "", str(len(outcome.errors)), "")
+        if report is not None:
             states = Counter(check.status for check in report.checks.values())
             counts = Counter(finding.severity for finding in report.findings)
             checks = f"{states['pass']} of {states['pass'] + states['fail']}"
             ready = "yes" if report.verdict.ready else "**no**"
-            cells = (robot, ready, checks, f"{counts['error']}", f"{counts['warning']}", *work)
-        yield f"| {' | '.join(cells)} |"
+            judged = (ready, checks, f"{counts['error']}", f"{counts['warning']}")
+        yield f"| {' | '.join((robot, *judged, *work))} |"
     yield ""
 
 

@@ -22,16 +22,13 @@ class Parser(argparse.ArgumentParser):
         """As argparse, but no argument is left over: the parser of a verb is the one to say so."""
         parsed, left = super().parse_known_args(args, namespace)
         for word in left:
-            if word.startswith("-"):
-                self._refuse_option(word)
-            self.refuse(f"`{self.prog}` takes no further argument: `{word}`")
+            if not word.startswith("-"):
+                self.refuse(f"`{self.prog}` takes no further argument: `{word}`")
+            known = [option for option in self._option_string_actions if option.startswith("--")]
+            near = nearest(word, known) if word.startswith("--") else None
+            hint = f"did you mean `{near}`?" if near else f"`{self.prog} --help` lists the options"
+            self.refuse(f"`{self.prog}` has no option `{word}`", hint=hint)
         return parsed, []
-
-    def _refuse_option(self, name: str) -> NoReturn:
-        known = [option for option in self._option_string_actions if option.startswith("--")]
-        near = nearest(name, known) if name.startswith("--") else None
-        hint = f"did you mean `{near}`?" if near else f"`{self.prog} --help` lists the options"
-        self.refuse(f"`{self.prog}` has no option `{name}`", hint=hint)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:  # Any: as argparse has it
         """A word that is none of the choices; argparse has no public method for this."""
@@ -44,7 +41,9 @@ class Parser(argparse.ArgumentParser):
             more = f"`{self.prog} --help` lists the verbs"
             self.refuse(f"no verb named `{value}`", hint=hint or _for_file(str(value)) or more)
         name = (action.option_strings or [str(action.metavar or action.dest)])[-1]
-        self.refuse(f"`{name}` must be {_one_of(known)}, not `{value}`", hint=hint)
+        *most, last = [f"`{one}`" for one in known]
+        choices = f"{', '.join(most)} or {last}" if most else last
+        self.refuse(f"`{name}` must be {choices}, not `{value}`", hint=hint)
 
     def error(self, message: str) -> NoReturn:
         """The words of argparse as ours."""
@@ -67,11 +66,6 @@ class Parser(argparse.ArgumentParser):
         self.exit(UsageError.exit_code, f"error: {UsageError(message, hint=hint)}\n")
 
 
-def _one_of(names: Sequence[str]) -> str:
-    *most, last = [f"`{name}`" for name in names]
-    return f"{', '.join(most)} or {last}" if most else last
-
-
 def _for_file(word: str) -> str:
     """The command that somebody meant who named a file alone; nothing for any other word."""
     verbs = {"build": (".yaml", ".yml"), "init": (".urdf", ".xacro", ".xml")}
@@ -85,22 +79,8 @@ UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
 UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
 
 
-class Recipes(argparse.Action):
-    """Each recipe once; a lock stands for its recipe, as `recipes/*.yaml` names both."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[Any] | None,  # Any: as argparse has it
-        option_string: str | None = None,
-    ) -> None:
-        """Store them."""
-        setattr(namespace, self.dest, recipes_of([Path(value) for value in values or ()]))
-
-
 def recipes_of(named: Sequence[Path]) -> list[Path]:
-    """`a.yaml` for `a.yaml` and `a.lock.yaml`, in the order of the command line."""
+    """Each recipe once; a lock stands for its recipe, as `recipes/*.yaml` names both."""
     return list(dict.fromkeys(p.with_name(p.name.replace(".lock.", ".")) for p in named))
 
 

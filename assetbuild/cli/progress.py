@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from assetbuild.cli.summary import shown_seconds
 from assetbuild.engine.execute import Costs, Event
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.processes import Processes, usable_cores
 from assetbuild.pipeline.opening import Opened, open_session, pin, remote_cache
 from assetbuild.recipe.loader import LoadedRecipe
@@ -37,14 +38,12 @@ class Progress:
 
     def on_event(self, event: Event) -> None:
         """A step began or ended."""
-        self._note(event)
-        result = event.result
-        if event.kind == "finished" and result is not None and result.status in ("ran", "failed"):
+        if (result := self._tried(event)) is not None:
             self._say_expected()
             seconds = shown_seconds(event.label, result.seconds)
             failed = "failed: " if result.status == "failed" else ""
-            words = f"{failed}{event.label}"
-            self.say(f"{self._counted(event)} {words}{f', {seconds}' if seconds else ''}")
+            took = f", {seconds}" if seconds else ""
+            self.say(f"{self._counted(event)} {failed}{event.label}{took}")
 
     def say(self, text: str) -> None:
         """A line for the user."""
@@ -53,13 +52,15 @@ class Progress:
     def end(self) -> None:
         """Nothing is shown any more."""
 
-    def _note(self, event: Event) -> None:
-        self._whole = event.whole
+    def _tried(self, event: Event) -> NodeResult | None:
+        """The result of a step that ran or failed just now; the forecast learns from any event."""
+        self._whole, result = event.whole, event.result
         if event.costs is not None:
             self._forecast.plan(event.costs)
-        elif event.kind == "finished":
-            ran = event.result is not None and event.result.status == "ran"
-            self._forecast.done(event.label, event.result.seconds if event.result and ran else 0.0)
+        if event.kind != "finished" or result is None:
+            return None
+        self._forecast.done(event.label, result.seconds if result.status == "ran" else 0.0)
+        return result if result.status in ("ran", "failed") else None
 
     def _counted(self, event: Event) -> str:
         """`[12/75]`; `[12/?]` while the robot is read and nobody knows how many steps follow."""
@@ -129,17 +130,15 @@ class LiveProgress(Progress):
 
     def on_event(self, event: Event) -> None:
         """See `Progress`."""
-        self._note(event)
+        result = self._tried(event)
         self._head = self._counted(event)
         if event.kind == "started":
             running = Running(event.label, time.monotonic(), event.waiting)
             self._running |= {event.label: running}
         elif event.kind == "finished":
             self._running = {k: v for k, v in self._running.items() if k != event.label}
-            result = event.result
-            ran = result is not None and result.status in ("ran", "failed")
-            if result is not None and ran and result.seconds >= SLOW_S:
-                self.say(f"{event.label}: {result.seconds:.1f} s")
+        if result is not None and result.seconds >= SLOW_S:
+            self.say(f"{event.label}: {result.seconds:.1f} s")
 
     def say(self, text: str) -> None:
         """See `Progress`."""
@@ -207,9 +206,6 @@ def shown_time(seconds: float) -> str:
 
 def running_words(running: Sequence[Running], now: float) -> list[str]:
     """`auto trunk 12 s`, ...: first what most others wait for."""
-    words = []
-    for step in sorted(running, key=lambda step: (-step.waiting, step.began)):
-        seconds = now - step.began
-        text = step.label
-        words.append(f"{text} {seconds:.0f} s" if seconds >= 1.0 else text)
-    return words
+    ordered = sorted(running, key=lambda step: (-step.waiting, step.began))
+    times = [(step.label, now - step.began) for step in ordered]
+    return [f"{label} {s:.0f} s" if s >= 1.0 else label for label, s in times]

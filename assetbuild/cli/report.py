@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import webbrowser
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from assetbuild.cli.summary import every_finding_line, shown_figures
@@ -16,21 +14,17 @@ from assetbuild.errors import UsageError
 from assetbuild.findings import finding_from_json
 from assetbuild.rendering.plan import renderer
 from assetbuild.rendering.render import draw_all
+from assetbuild.report.bundle import read_json
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print verdict, checks and findings; 0 when ready for training, else 1."""
-    path: Path = arguments.bundle / "report" / "report.json"
-    try:
-        report = json.loads(path.read_bytes())
-    except (FileNotFoundError, NotADirectoryError):
-        raise UsageError(f"no `{path}`", hint="give a folder that `build` wrote") from None
-    except ValueError as error:
-        raise UsageError(f"{path}: not a report: {error}") from None
+    name = "report/report.json"
+    report = read_json(arguments.bundle, name)
     try:
         lines = list(_lines(report))
     except (KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path}: not a report: {error!r}") from None
+        raise UsageError(f"{arguments.bundle / name}: not a report: {error!r}") from None
     print("\n".join(lines))
     if arguments.pictures:
         scene = arguments.bundle / "mjcf" / "scene.xml"

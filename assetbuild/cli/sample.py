@@ -16,8 +16,7 @@ from assetbuild.pipeline.bundling import publish_bundle
 from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.plugin_types import Target
-from assetbuild.plugins import load_plugin
+from assetbuild.plan import add_target
 from assetbuild.report.bundle import BundleFile, json_text, manifest
 from assetbuild.samples.draw_samples import ApplySample, DrawSamples
 
@@ -97,7 +96,5 @@ def _variant(work: Opened, index: int, draws: Node, robot: dict[str, Ref], p: Pl
     drawn = {port: robot[port] for port in ("tree.json", "control.json")}
     inputs = drawn | {"samples.json": draws["samples.json"]}
     changed = p.add(f"apply_sample {index:03}", ApplySample(index=index), inputs)
-    target = load_plugin(Target, "mjcf")
     ports = robot | {port: changed[port] for port in drawn}
-    inputs = {port: ports[port] for port in target.reads}
-    return p.add(f"mjcf {index:03}", target.configure(work.loaded.recipe), inputs)
+    return add_target(work.loaded.recipe, "mjcf", ports, p, label=f"mjcf {index:03}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from assetbuild.cli.build import build_and_print, requests_of
 from assetbuild.cli.summary import shown_figures
 from assetbuild.engine.world import World
-from assetbuild.pipeline.building import check_name, check_of, check_requests
+from assetbuild.pipeline.building import check_name, check_of, read_recipes
 from assetbuild.report.document import Report
 
 
@@ -18,26 +18,29 @@ def run(arguments: argparse.Namespace) -> int:
     """Make what is missing, build, print what each trainer found; 1 when one refuses."""
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
-    check_requests(requests)
+    read_recipes(requests, World())  # a mistake shows before anything large is fetched
     if not _agreed(environments_to_make(consumers), arguments.yes):
         return 2
     for consumer in consumers:
         check_of(consumer).home.make(lambda line: print(line, file=sys.stderr))
     outcomes = build_and_print(requests, World())
     reports = [outcome.report for outcome in outcomes if outcome.report is not None]
-    for report in reports:
-        for name in consumers:
-            result = report.checks.get(check_name(name))
-            if result is not None:
-                figures = str(
-                    result.figures.get("summary")
-                    or ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
-                )
-                print(f"{report.robot} in {name}: {result.status}; {shown_figures(name, figures)}")
-    missing = list(lacks(reports, consumers))
-    for line in missing:
-        print(f"error: {line}", file=sys.stderr)
-    return max([outcome.exit_code for outcome in outcomes] + ([1] if missing else []))
+    asked = [_print_answer(report, name) for report in reports for name in consumers]
+    return max([*(outcome.exit_code for outcome in outcomes), *(int(not one) for one in asked)])
+
+
+def _print_answer(report: Report, consumer: str) -> bool:
+    """What a trainer made of a robot; whether it ran."""
+    result = report.checks.get(check_name(consumer))
+    if result is not None:
+        every = ", ".join(f"{key} {value}" for key, value in sorted(result.figures.items()))
+        figures = shown_figures(consumer, str(result.figures.get("summary") or every))
+        print(f"{report.robot} in {consumer}: {result.status}; {figures}")
+    if result is None or result.status == "skip":
+        why = result.note if result else "its check did not run"
+        print(f"error: {report.robot}: {consumer} was not asked: {why}", file=sys.stderr)
+        return False
+    return True
 
 
 def _agreed(lines: Sequence[str], yes: bool) -> bool:
@@ -59,13 +62,3 @@ def environments_to_make(consumers: Sequence[str]) -> list[str]:
         for name, home in homes
         if home.python(World()) is None
     ]
-
-
-def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:
-    """Consumers that were asked for and did not run, with the reason."""
-    for report in reports:
-        for consumer in consumers:
-            result = report.checks.get(check_name(consumer))
-            if result is None or result.status == "skip":
-                why = result.note if result else "its check did not run"
-                yield f"{report.robot}: {consumer} was not asked: {why}"

@@ -13,7 +13,7 @@ from assetbuild.cli.parser import given_as
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline.building import Outcome
 from assetbuild.report.document import Report
-from assetbuild.report.summary import WITHHELD, public_message, public_rows
+from assetbuild.report.summary import WITHHELD, public_message, published
 from assetbuild.report.verdict import BESIDE, Verdict, verdict_rows
 
 
@@ -30,24 +30,22 @@ def shown_message(finding: Finding) -> str:
     return public_message(finding) if in_public() else finding.message
 
 
-def shown_next_step(report: Report) -> str:
-    """The verdict's next step, which may end in the message of a finding."""
-    text = report.verdict.next_step
-    for finding in report.findings if in_public() else ():
-        if finding.message and text.endswith(finding.message):
-            return text.removesuffix(finding.message) + public_message(finding)
-    return text
+def shown_report(report: Report) -> Report:
+    """The report; in CI without PhysX's figures."""
+    return published(report) if in_public() else report
 
 
 def shown_rows(verdict: Verdict, recipe: Path) -> tuple[tuple[str, str], ...]:
-    """The verdict's parts; in CI without figures of PhysX.
+    """The verdict's parts.
 
     recipe: as it was given, so that the commands work where they are printed.
     """
-    rows = public_rows(verdict) if in_public() else verdict_rows(verdict)
     verb = "assetbuild smoke"
     named, given = f"{verb} {recipe.name} ", f"{verb} {given_as(recipe)} "
-    return tuple((part, text.replace(BESIDE, "").replace(named, given)) for part, text in rows)
+    return tuple(
+        (part, text.replace(BESIDE, "").replace(named, given))
+        for part, text in verdict_rows(verdict)
+    )
 
 
 def shown_seconds(label: str, seconds: float) -> str:
@@ -95,11 +93,12 @@ def print_differences(outcome: Outcome) -> None:
 
 def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     """The lines of the summary."""
+    report = shown_report(report)
     ready = "yes" if report.verdict.ready else "no"
     head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
         head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
-    head.append(f"  next: {shown_next_step(report)}")
+    head.append(f"  next: {report.verdict.next_step}")
     rows = shown_rows(report.verdict, outcome.loaded.path)
     head += [f"  {part}: {sentence}" for part, sentence in rows]
     head.append(f"  steps: {_steps(outcome)}")

@@ -13,7 +13,6 @@ from typing import Any
 from assetbuild._version import __version__
 from assetbuild.cli.parser import (
     Parser,
-    Recipes,
     file_or_robot,
     named_path,
     named_value,
@@ -85,7 +84,7 @@ def out(what: str, metavar: str = "DIR") -> Option:
 
 
 RECIPE = Option("recipe", type=file_or_robot, metavar="RECIPE")
-RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
+RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE")
 BUNDLE = Option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
 POLICY = Option("policy", type=Path, help="a folder with policy.onnx and its "
                 "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
@@ -102,6 +101,8 @@ REMOTE = Option(
 )  # fmt: skip
 SHARING = (REMOTE, switch("--cache-write", help="also write to that cache"))
 """What every verb that builds takes."""
+STEPS = (JOBS, VARIANT, *SHARING)
+"""What verbs take that build something of their own."""
 BUILDING = (
     RECIPES,
     out("default: build/<robot>"),
@@ -129,9 +130,7 @@ VERBS: Mapping[str, Verb] = {
         Option("--levels", metavar="A,B", help="some of the levels; default: all"),
         Option("--from", dest="source", choices=("auto", "collision", "visual"),
                default="auto", help="the meshes to work on; default: collision, else visual"),
-        JOBS,
-        VARIANT,
-        *SHARING,
+        *STEPS,
     ),
     "build": Verb(
         "build the bundle; only stale steps run",
@@ -195,9 +194,7 @@ VERBS: Mapping[str, Verb] = {
                help="for --excite; default: 60"),
         out("for --excite; default: build/excite"),
         switch("--json", help="print all of it as JSON"),
-        JOBS,
-        VARIANT,
-        *SHARING,
+        *STEPS,
     ),
     "init": Verb(
         "look at a robot and write a commented recipe that builds",
@@ -263,9 +260,7 @@ VERBS: Mapping[str, Verb] = {
                help="draws judged; default: 10000"),
         Option("--seed", type=whole_number(0), metavar="N", help="default: the recipe's"),
         out("default: build/<robot>-samples"),
-        JOBS,
-        VARIANT,
-        *SHARING,
+        *STEPS,
     ),
     "schema": Verb("print the JSON Schema of recipes, for editors", run="verbs:schema"),
     "smoke": Verb(

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from assetbuild.engine.digest import digest_file
 from assetbuild.pipeline.publish import OWN_FILES
-from assetbuild.report.bundle import files_of, manifest_of
+from assetbuild.report.bundle import PREDICATE, STATEMENT, files_of, manifest_of
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each difference; 0 when there is none, else 1."""
     bundle: Path = arguments.bundle
     wanted = manifest_of(bundle)
-    wrong = [*against_manifest(bundle, wanted), *against_provenance(bundle, wanted)]
+    wrong = [*_against_manifest(bundle, wanted), *_against_provenance(bundle, wanted)]
     for line in wrong:
         print(line)
     differences = f"{len(wrong)} difference{'s' * (len(wrong) != 1)}"
@@ -24,10 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if wrong else 0
 
 
-STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
-
-
-def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
+def _against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
     """Each file that is missing, added or changed."""
     paths = {name for name, _ in files_of(bundle, bytecode=True)}
     for path in sorted(wanted.keys() - paths):
@@ -41,7 +38,7 @@ def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
             yield f"changed: {path}"
 
 
-def against_provenance(bundle: Path, manifest: Mapping[str, str]) -> Iterator[str]:
+def _against_provenance(bundle: Path, manifest: Mapping[str, str]) -> Iterator[str]:
     """Is the provenance a statement about these very files?"""
     try:
         statement = json.loads((bundle / "provenance.json").read_bytes())

@@ -17,6 +17,7 @@ from pathlib import Path
 from assetbuild.control.keep import KeepRatings
 from assetbuild.engine.code import Code
 from assetbuild.engine.digest import digest_bytes, digest_file
+from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner, settle_all
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
@@ -32,6 +33,7 @@ from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.grouping import grouped
 from assetbuild.pipeline.writers import StatedRecipe, code_of_writers, writer_kinds
 from assetbuild.plugin_types import Target
+from assetbuild.report.sides import stages_of
 from assetbuild.robot.codec import encode
 
 ROBOT = "report/robot.json"
@@ -164,24 +166,20 @@ def _write(
     session: Session,
 ) -> Again:
     """Run the steps as a build does, in a store that knows nothing."""
-    ports: dict[str, dict[str, Path]] = {"meshes/": {}}
-    (folder / "in/meshes").mkdir(parents=True)
-    for file, mesh in meshes.items():
-        path = folder / "in/meshes" / file
-        path.write_bytes(mesh.data)
-        ports["meshes/"][f"meshes/{file}"] = path
-    for name in ("links", "tree", "shapes", "control"):
-        path = folder / "in" / f"{name}.json"
-        path.write_bytes(encode(getattr(reference, name)))
-        ports[path.name] = {path.name: path}
+    parts = ("links", "tree", "shapes", "control")
+    files = {f"{name}.json": encode(getattr(reference, name)) for name in parts}
+    files |= {f"meshes/{file}": mesh.data for file, mesh in meshes.items()}
+    for name, data in files.items():
+        path = folder / "in" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
 
     def add(p: Planner) -> None:
-        held = {
-            port: {name: p.source(path) for name, path in files.items()}
-            for port, files in ports.items()
-        }
-        known = {name: held[name][name] for name in ("tree.json", "control.json")}
-        rated = p.add("ratings", KeepRatings(), known)
+        held: dict[str, dict[str, Ref]] = {"meshes/": {}}
+        for name in files:
+            port = "meshes/" if name.startswith("meshes/") else name
+            held.setdefault(port, {})[name] = p.source(folder / "in" / name)
+        rated = p.add("ratings", KeepRatings(), held["tree.json"] | held["control.json"])
         held["ratings.json"] = {"ratings.json": rated["ratings.json"]}
         if any("triangles.npz" in step.reads for step in steps.values()):
             shown = held["shapes.json"] | held["meshes/"]
@@ -224,7 +222,7 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
         return
     with _among_others(path, theirs, again) as there:
         try:
-            rows = rows_of(ours, there, _stages(path, again))
+            rows = rows_of(ours, there, stages_of(again.folder, path))
         except NotParsedError as error:
             # Nothing can be compared with what is not of its kind; the parser names the line.
             expected = {"attribute": "statement", "expected": "a file that parses"}
@@ -245,24 +243,11 @@ def _among_others(path: str, theirs: Path, again: Again) -> Iterator[Path]:
     So a model that includes it, or a stage that it is a layer of, differs by this file alone.
     """
     with tempfile.TemporaryDirectory(prefix="there-", dir=again.folder.parent) as name:
-        top = path.partition("/")[0]
-        for other in again.writers:
-            if other.partition("/")[0] == top and other != path:
-                link = Path(name, other)
-                link.parent.mkdir(parents=True, exist_ok=True)
-                os.link(again.folder / other, link)
+        shutil.copytree(again.folder, name, copy_function=os.link, dirs_exist_ok=True)
         there = Path(name, path)
-        there.parent.mkdir(parents=True, exist_ok=True)
+        there.unlink()
         shutil.copyfile(theirs, there)
         yield there
-
-
-def _stages(path: str, again: Again) -> tuple[Path, ...]:
-    """The files of USD at the top of the folder that `path` lies in."""
-    top = path.partition("/")[0]
-    suffixes = (".usda", ".usdc", ".usd")
-    paths = (Path(other) for other in again.writers if other.endswith(suffixes))
-    return tuple(again.folder / other for other in paths if other.parent == Path(top))
 
 
 LOOKS = (b"mtllib ", b"usemtl ")

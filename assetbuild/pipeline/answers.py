@@ -8,11 +8,13 @@ or a row of the actuator table states what is missing. No list says which edit a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding
+from assetbuild.grouping import grouped
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.actuator_table import extended
 
@@ -21,15 +23,14 @@ _EDIT = re.compile(r"edit \d+ (\w+)")
 
 @dataclass(frozen=True)
 class Answers:
-    """What one recipe says of its source. edits: their names by the subject that they changed.
+    """What one recipe says of its source. edits: (name, finding), by the subject that they changed.
 
-    stated: what is given of a subject, `lower`, and by what. renamed: subject in the source -> now.
+    renamed: subject in the source -> now. rows: see `_rows`.
     """
 
-    edits: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    stated: dict[str, dict[str, str]] = field(default_factory=dict)
-    renamed: dict[str, str] = field(default_factory=dict)
-    rows: tuple[tuple[str, frozenset[str]], ...] = ()
+    edits: Mapping[str, Sequence[tuple[str, Finding]]]
+    renamed: Mapping[str, str]
+    rows: tuple[tuple[str, frozenset[str]], ...]
 
     def left_open(
         self, findings: Iterable[Finding], again: Iterable[Finding] | None
@@ -49,10 +50,10 @@ class Answers:
     def _by(self, finding: Finding, *, gone: bool) -> tuple[str, ...]:
         """What of the recipe answers a finding; gone: the edited robot gives no cause for it."""
         if gone:
-            every = dict.fromkeys(name for names in self.edits.values() for name in names)
-            return self.edits.get(finding.subject) or tuple(every)
-        missing, given = finding.data.get("missing", ()), self._given(finding.subject)
-        if not isinstance(missing, tuple) or {*missing} - given.keys():
+            edits = self.edits.get(finding.subject) or chain.from_iterable(self.edits.values())
+            return tuple(dict.fromkeys(name for name, _ in edits))
+        missing, given = _listed(finding, "missing"), self._given(finding.subject)
+        if {*missing} - given.keys():
             return ()
         return tuple(dict.fromkeys(given[str(name)] for name in missing))
 
@@ -61,41 +62,45 @@ class Answers:
         kind, _, name = subject.partition(" ")
         rows = [names for joints, names in self.rows if re.fullmatch(joints, name)]
         table = {name: "actuators" for names in rows for name in names} if kind == "joint" else {}
-        return table | self.stated.get(subject, {})
+        edits = self.edits.get(subject, ())
+        return table | {str(key): edit for edit, one in edits for key in _listed(one, "stated")}
 
 
 def answers(recipe: Recipe, results: Mapping[str, NodeResult], prefix: str) -> Answers:
     """What a recipe's table and the edits in the results say. prefix: of its labels, `arm `."""
-    recipe_answers = Answers(rows=tuple(_rows(recipe)))
-    for label, result in results.items():
-        edit = _EDIT.fullmatch(label.removeprefix(prefix)) if label.startswith(prefix) else None
-        for finding in result.findings if edit else ():
-            assert edit is not None  # noqa: S101 # the line above says so
-            kind, _, _ = finding.subject.partition(" ")
-            if "before" in finding.data and edit[1] == "rename":
-                recipe_answers.renamed[f"{kind} {finding.data['before']}"] = finding.subject
-            edits = (*recipe_answers.edits.get(finding.subject, ()), edit[1])
-            recipe_answers.edits[finding.subject] = tuple(dict.fromkeys(edits))
-            given = finding.data.get("stated")
-            names = given if isinstance(given, tuple) else ()
-            recipe_answers.stated.setdefault(finding.subject, {}).update(
-                {str(n): edit[1] for n in names}
-            )
-    return recipe_answers
+    said = [
+        (edit[1], finding)
+        for label, result in results.items()
+        if label.startswith(prefix) and (edit := _EDIT.fullmatch(label.removeprefix(prefix)))
+        for finding in result.findings
+    ]
+    names = dict(renamed(finding for _, finding in said))
+    return Answers(grouped(said, lambda pair: pair[1].subject), names, tuple(_rows(recipe)))
+
+
+def renamed(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
+    """(subject before, subject after) of each renaming among the findings of edits, in order."""
+    for finding in findings:
+        if finding.rule == "edit.rename":
+            yield f"{finding.subject.partition(' ')[0]} {finding.data['before']}", finding.subject
+
+
+def _listed(finding: Finding, key: str) -> tuple[object, ...]:
+    value = finding.data.get(key)
+    return value if isinstance(value, tuple) else ()
 
 
 def _rows(recipe: Recipe) -> Iterator[tuple[str, frozenset[str]]]:
     """(pattern of joints, which limits the row or its motor states; a passive one needs none)."""
     for row in recipe.actuators or ():
         motor = extended(row.motor, recipe.motors) if row.motor else None
-        both = [
+        stated = (
             name
             for name in ("effort", "velocity")
             if row.model == "passive"
-            or getattr(row, name) is not None
-            or (motor and getattr(motor, name) is not None)
-        ]
-        yield row.joints, frozenset(both)
+            or any(getattr(each, name, None) is not None for each in (row, motor))
+        )
+        yield row.joints, frozenset(stated)
 
 
 def _answered(finding: Finding, by: tuple[str, ...]) -> Finding:

@@ -41,7 +41,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asks of a build. out: default `build/<robot>`; jobs: all cores.
+    """What the user asks of a build. out: default `build/<robot>`, or `build/<robot>-<variant>`.
+
+    jobs: default, all cores.
 
     smoke: consumers that try the bundle, besides those of the recipe.
     """
@@ -134,12 +136,8 @@ def build_all(
     return outcomes
 
 
-def check_requests(requests: Sequence[Request]) -> None:
-    """Read every recipe, so that a mistake shows before anything large is fetched. RecipeError."""
-    _read(requests, World())
-
-
-def _read(requests: Sequence[Request], world: World) -> list[LoadedRecipe]:
+def read_recipes(requests: Sequence[Request], world: World) -> list[LoadedRecipe]:
+    """Every recipe; RecipeError with the mistakes in all of them."""
     recipes, wrong = list[LoadedRecipe](), Gather(RecipeError)
     for request in requests:
         with wrong:
@@ -151,11 +149,12 @@ def _read(requests: Sequence[Request], world: World) -> list[LoadedRecipe]:
 def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []
-    for request, loaded in zip(requests, _read(requests, world), strict=True):
+    for request, loaded in zip(requests, read_recipes(requests, world), strict=True):
         if request.smoke:
             loaded = _asking(loaded, request.smoke)
-        out = request.out or default_out(loaded)
         name = loaded.recipe.robot
+        place = f"{name}-{loaded.variant}" if loaded.variant else name
+        out = request.out or Path("build") / place
         if any(job.name == name for job in jobs):
             raise UsageError(f"two of the recipes build `{name}`", hint="build them one by one")
         check_replaceable(out)
@@ -255,12 +254,6 @@ def _finish(job: _Job, done: Settled[Outline], session: Session, request: Reques
     outcome.edited = publish_bundle(files, outcome.out, session)
     outcome.report = report
     return outcome
-
-
-def default_out(loaded: LoadedRecipe) -> Path:
-    """`build/go1`, or `build/go1-train` for a variant."""
-    suffix = f"-{loaded.variant}" if loaded.variant else ""
-    return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
 def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:

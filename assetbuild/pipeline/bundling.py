@@ -6,7 +6,8 @@ import datetime
 import os
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,14 @@ from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled
+from assetbuild.engine.scratch import scratch
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, Listing, machine_errors
 from assetbuild.engine.world import files_in
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.again.written import Written, sign
 from assetbuild.facts.reader import asked_sections, stated_options
-from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.reference import Reference
 from assetbuild.lock import GitPin, Lock, Pin
 from assetbuild.pipeline.publish import PROVENANCE, heal, lies_there, new_staging, publish
 from assetbuild.pipeline.writers import RANGES, code_of_writers, patterns
@@ -50,8 +52,6 @@ from assetbuild.report.html import View, html_page
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.identify import Fit
-from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.shapes import Shapes
 
 
 def bundle_files(
@@ -66,11 +66,18 @@ def bundle_files(
     locks = [(recipe, lock), *((part.recipe, part_lock(part)) for part in loaded.parts)]
     pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
     sources = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
-    tree, shapes, control = built.robot()
-    subject = Subject(recipe, sources[0][1], tree, shapes, control, built.measured(), built.fits())
     writers = (load_plugin(Target, name) for name in own_names(Target))
     sections = asked_sections((reader for _, reader in readers_of(recipe)), writers)
     reference = built.reference(stated_options(recipe, sections) | patterns(recipe))
+    subject = Subject(
+        recipe,
+        sources[0][1],
+        reference.tree,
+        reference.shapes,
+        reference.control,
+        built.measured(),
+        built.fits(),
+    )
     # The small picture where libraries of USD assets look for it.
     small = f"usd/.thumbs/256x256/{recipe.robot}.usda.png"
     has_usd = "usd" in done.outline.targets
@@ -147,14 +154,6 @@ class _Built:
         """Path -> (digest, size) of an output that is a folder."""
         return self.session.tree(self.results[ref.node][ref.output])
 
-    def robot(self) -> tuple[Tree, Shapes, Control]:
-        """The robot that the targets wrote."""
-        tree, shapes, control = (
-            self.read(self.outline.robot[port])
-            for port in ("tree.json", "shapes.json", "control.json")
-        )
-        return decode(Tree, tree), decode(Shapes, shapes), decode(Control, control)
-
     def measured(self) -> Measured:
         """What the report shows of the bodies."""
         assert self.outline.bodies is not None  # noqa: S101 # a whole plan has it
@@ -165,14 +164,12 @@ class _Built:
         return tuple(decode(Fit, self.read(node["fit.json"])) for node in self.outline.fits)
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
-        """That robot with what its files hold, for whoever compares."""
-        ports = self.outline.robot
-        links, assets = (self.read(ports[port]) for port in ("links.json", "assets.json"))
-        tree, shapes, control = self.robot()
-        ratings = decode(Control, self.read(ports["ratings.json"]))
-        control = replace(control, loop_mimics=ratings.loop_mimics)
-        held = decode(Assets, assets)
-        return Reference(decode(Tree, links), tree, shapes, control, held, options)
+        """The robot that the targets wrote, with what its files hold."""
+        with scratch() as ports:
+            for port, ref in self.outline.robot.items():
+                if port.endswith(".json"):
+                    ports.link(port, self.session.object(self.results[ref.node][ref.output]))
+            return Reference.of_ports(ports.folder, options)
 
     def written(self) -> Written:
         """What `validate` needs to write the files again."""
@@ -253,12 +250,15 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     if _lies_there(files, out, session):
         heal(out)
         return ()
+    before = None
+    with suppress(UsageError):
+        before = manifest_of(out)
     staging = new_staging(out)
     try:
         with machine_errors(out, OUT_OPTION):
             for file in files:
                 _place(file, staging / file.path, out, session)
-            return publish(staging, out, _manifest_or_none(out))
+            return publish(staging, out, before)
     finally:
         release(staging)
 
@@ -285,10 +285,3 @@ def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     else:
         session.object(file.sha256)  # a source comes into the store first
         session.store.restore(file.sha256, path, out)
-
-
-def _manifest_or_none(bundle: Path) -> dict[str, str] | None:
-    try:
-        return manifest_of(bundle)
-    except UsageError:
-        return None

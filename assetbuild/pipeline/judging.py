@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
@@ -17,7 +18,7 @@ from assetbuild.errors import AssetBuildError, Where
 from assetbuild.facts.reader import Reader
 from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.lock import lock_path, place_of_pin
-from assetbuild.pipeline.answers import answers
+from assetbuild.pipeline.answers import answers, renamed
 from assetbuild.plan import Outline
 from assetbuild.plan.asked import asked
 from assetbuild.plan.edits import AGAIN
@@ -102,31 +103,29 @@ def _not_compared(outline: Outline) -> Iterator[Finding]:
 def _commands(loaded: LoadedRecipe) -> dict[str, str]:
     """Trainer -> the command that lets it try the bundle; not as seen from the working folder."""
     variant = f" --variant {loaded.variant}" if loaded.variant else ""
-    names = [name for name in plugin_names(Check) if name.startswith(TRAINER_CHECKS)]
-    return {
-        name.removeprefix(TRAINER_CHECKS): f"assetbuild smoke {loaded.path.name}{variant} "
-        f"--consumer {name.removeprefix(TRAINER_CHECKS)}"
-        for name in names
-    }
+    checks = [name for name in plugin_names(Check) if name.startswith(TRAINER_CHECKS)]
+    smoke = f"assetbuild smoke {loaded.path.name}{variant} --consumer"
+    trainers = (name.removeprefix(TRAINER_CHECKS) for name in checks)
+    return {trainer: f"{smoke} {trainer}" for trainer in trainers}
 
 
 def findings_of(loaded: LoadedRecipe, done: Settled[Outline]) -> list[Finding]:
     """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
     findings = [one for each in (loaded, *loaded.parts) for one in each.renamed]
     results = done.results
-    answers_by_prefix = {"": answers(loaded.recipe, results, "")}
-    for prefix, part in loaded.by_prefix.items():
-        answers_by_prefix[prefix] = answers(part.recipe, results, f"{prefix} ")
+    whole = answers(loaded.recipe, results, "")
+    of_parts = {
+        prefix: answers(part.recipe, results, f"{prefix} ")
+        for prefix, part in loaded.by_prefix.items()
+    }
     for label, result in results.items():
         if label != PICTURE_MODEL:  # the target `mjcf` says the same
             subject, again = done.outline.subjects.get(label), results.get(label + AGAIN)
             prefix = label.partition(" ")[0]
-            whose = answers_by_prefix.get(prefix, answers_by_prefix[""])
+            whose = of_parts.get(prefix, whole)
             left = whose.left_open(result.findings, again.findings if again else None)
-            step_findings = left if whose is answers_by_prefix[""] else _of_part(prefix, left)
-            findings += (
-                (replace(f, subject=subject) for f in step_findings) if subject else step_findings
-            )
+            said = left if whose is whole else _of_part(prefix, left)
+            findings += (replace(f, subject=subject) for f in said) if subject else said
     return findings
 
 
@@ -166,11 +165,9 @@ def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> C
         digest = results[outline.source_map.node][outline.source_map.output]
         source_map = json.loads(session.read(digest))
         file, lines = source_map["file"], source_map["lines"]
-    for label in outline.edits:  # the source knows its own names only
-        for finding in results[label].findings if label in results else ():
-            if finding.rule == "edit.rename":
-                kind = finding.subject.partition(" ")[0]
-                lines[finding.subject] = lines.get(f"{kind} {finding.data['before']}", 0)
+    edits = (results[label].findings for label in outline.edits if label in results)
+    for before, now in renamed(chain.from_iterable(edits)):
+        lines[now] = lines.get(before, 0)  # the source knows its own names only
     recipe = outline.composed or loaded
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
@@ -209,13 +206,10 @@ def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | Non
             return loaded.where(("source", "sha256"))
         return place_of_pin(lock_path(loaded.path))
     for prefix, part in loaded.by_prefix.items():
-        part_label = label.removeprefix(f"{prefix} ")
-        if part_label != label and (
-            key := patch_keys(part.recipe.source.patches, part.folder, part.world).get(part_label)
-        ):
-            return part.where(key)
-        if part_label != label and part_label == "fetch":
-            return part.where(("source",))
+        if label.startswith(f"{prefix} "):
+            keys = patch_keys(part.recipe.source.patches, part.folder, part.world)
+            key = ({"fetch": ("source",)} | keys).get(label.removeprefix(f"{prefix} "))
+            return part.where(key) if key else None
     return None
 
 

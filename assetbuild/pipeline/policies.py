@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.world import World
@@ -20,7 +19,7 @@ from assetbuild.policy.replay import BEST, Replay, replay
 from assetbuild.policy.robot import Bot, bot_of
 from assetbuild.policy.stated import Policy
 from assetbuild.rendering.plan import renderer
-from assetbuild.rendering.strip import Moment, draw_strip
+from assetbuild.rendering.strip import draw_strip
 
 SEARCH_S, LONGER_S = 5.0, 2.0
 """So long each hypothesis of a diagnosis is tried; by so much longer than until it fell."""
@@ -92,26 +91,14 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
 
 
 def draw_replays(done: Replayed, bundle: Path, wish: Wish, file: Path) -> None:
-    """A picture of every run, a row for each engine. StepError, UsageError.
-
-    PhysX's row has no distances: pictures are shown around.
-    """
+    """A picture of every run, a row for each engine. StepError, UsageError."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.open("ab").close()
     except OSError as error:
         raise UsageError(f"cannot write `{file}`: {error.strerror}") from None
-    rows = {engine: _moments(run, engine != "physx") for engine, run in done.runs.items()}
+    rows = {engine: run.moments for engine, run in done.runs.items()}
     draw_strip(bundle / "mjcf" / wish.scene, rows, file, renderer(World()))
-
-
-def _moments(run: Replay, with_distance: bool) -> list[Moment]:
-    start = run.moments[0].place
-    moments = []
-    for seen in run.moments:
-        walked = f"  {math.dist(seen.place[:2], start[:2]):.2f} m" if with_distance else ""
-        moments.append(Moment(seen.place, seen.quat, seen.q, f"{seen.time:.1f} s{walked}"))
-    return moments
 
 
 def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) -> Replay:
@@ -126,10 +113,9 @@ def _searched(
     policy: Policy, bot: Bot, network: Network, wish: Wish, fell_s: float
 ) -> Diagnosis | None:
     """In MuJoCo, in shorter runs. fell_s: when it fell, 0 where it did not."""
-    seconds = min(wish.seconds, max(SEARCH_S, fell_s + LONGER_S))
+    shorter = replace(wish, seconds=min(wish.seconds, max(SEARCH_S, fell_s + LONGER_S)))
 
     def attempt(changed: Policy) -> Replay:
-        world = InMujoco(bot, changed, wish.scene)
-        return replay(changed, bot, network, world, wish.command, seconds)
+        return _run(changed, bot, network, "mujoco", shorter)
 
     return diagnose(policy, bot, attempt(policy), attempt)

@@ -131,17 +131,16 @@ def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
 
     Copied before the swap: a kill in between leaves them in both places, in none never.
     """
-    files = dict(sorted(files_of(out)))
-    added = [name for name in files if name not in manifest and name not in OWN_FILES]
-    edited = [
+    changed = [
         name
-        for name, path in files.items()
-        if name in manifest and (path.is_symlink() or digest_file(path) != manifest[name])
+        for name, path in sorted(files_of(out))
+        if name not in OWN_FILES
+        and (name not in manifest or path.is_symlink() or digest_file(path) != manifest[name])
     ]
     aside = out.with_name(f"{out.name}.edited")
-    for name in edited + added:
+    for name in changed:
         _keep(out / name, aside / name)
-    return (*edited, *added)
+    return tuple(sorted(changed, key=lambda name: name not in manifest))  # edited ones first
 
 
 def _keep(path: Path, place: Path) -> None:

@@ -11,7 +11,7 @@ import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, TypeVar, Union
 
 from pydantic import BaseModel, Discriminator, Field, Tag, create_model
 from pydantic_core import PydanticUndefined
@@ -22,13 +22,7 @@ from assetbuild.errors import did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
 from assetbuild.plugin_types import Check, Edit, Plugin, Target
-from assetbuild.plugins import (
-    foreign_names,
-    load_plugin,
-    own_names,
-    plugin_names,
-    usable_plugins,
-)
+from assetbuild.plugins import foreign_names, load_plugin, own_names, plugin_names, usable_plugins
 from assetbuild.recipe.loader import LoadedRecipe, load
 from assetbuild.recipe.models import Collision, CollisionRule, OneEdit, Recipe, ShapedRule, Validate
 from assetbuild.recipe.schema import schema_of
@@ -37,6 +31,7 @@ from assetbuild.recipe.yaml_tree import Node, plain
 from assetbuild.recipe_types import Model, Pattern, unstated
 
 Fields = dict[str, Any]  # Any: what create_model takes
+M = TypeVar("M", bound=BaseModel)
 LISTS = ("linters", "smoke")
 """Lists of `validate` that name checks."""
 
@@ -106,31 +101,32 @@ Said = Mapping[str, Any]
 
 def _named(content: Said) -> _Named:
     """The plug-ins that a recipe names, in whatever section; names that no plug-in has are left."""
-    targets = {str(name) for name in _list(content.get("targets"))} | set(content)
+    words = {str(name) for name in _list(content.get("targets"))} | set(content)
     edits = {name for entry in _list(content.get("edits")) for name in _map(entry)}
     methods = {"auto"} | {method for _, method in _methods(content)}
-    known = (plugin_names(Target), plugin_names(Edit), _method_names())
-    pairs = zip((targets, edits, methods), known, strict=True)
-    matches = [tuple(sorted(named & set(names))) for named, names in pairs]
+    targets = tuple(sorted(words & {*plugin_names(Target)}))
     return _Named(
-        matches[0], matches[1], matches[2], _named_checks(content), _named_readers(matches[0])
+        targets,
+        tuple(sorted(edits & {*plugin_names(Edit)})),
+        tuple(sorted(methods & {*_method_names()})),
+        _named_checks(content),
+        _named_readers(targets),
     )
 
 
 def _named_checks(content: Said) -> tuple[str, ...]:
     """The foreign checks that a recipe asks for, by a key of `validate` or in one of its lists."""
+    if not (foreign := {*foreign_names(Check)}):
+        return ()
     validate = _map(content.get("validate"))
     asked = set(validate) | {str(word) for key in LISTS for word in _list(validate.get(key))}
-    named = asked & set(foreign_names(Check))
-    if foreign_names(Check) and (unknown := asked - named - _own_words()):
+    named = asked & foreign
+    own = [load_plugin(Check, name) for name in own_names(Check)]
+    fields = {info.alias or name for name, info in _validate(_built_in()).model_fields.items()}
+    known = fields | {check.listed_as() for check in own if check.listed_in}
+    if unknown := asked - named - known:
         named |= {name for name, check in usable_plugins(Check) if unknown & _words(check)}
     return tuple(sorted(named - set(own_names(Check))))
-
-
-def _own_words() -> set[str]:
-    checks = tuple(load_plugin(Check, name) for name in own_names(Check))
-    fields = {info.alias or name for name, info in _validate(_built_in()).model_fields.items()}
-    return fields | {check.listed_as() for check in checks if check.listed_in}
 
 
 def _words(check: type[Check]) -> set[str]:
@@ -217,14 +213,16 @@ def _model(named: _Named, *, any_recipe: bool = False) -> type[Recipe]:
             for path, (kind, default) in fields.items()
         }
     validate = _validate(checks)
-    edit: Any = _one_edit(named.edits)  # Any: a model made just now
+    edit: Any = _of_base(  # Any: a model made just now
+        OneEdit, {name: (load_plugin(Edit, name), Field(None)) for name in named.edits}
+    )
     collision = _collision(named.methods)
     fields |= {
         "collision": (collision, collision()),
         "edits": (tuple[edit, ...], Recipe.model_fields["edits"]),
         "validate_": (validate, Field(validate(), alias="validate")),
     }
-    model = create_model("Recipe", __base__=Recipe, __doc__=Recipe.__doc__, **fields)
+    model = _of_base(Recipe, fields)
     model.foreign_checks, model.foreign_readers = named.checks, named.readers
     return model
 
@@ -253,15 +251,11 @@ def _sections(plugin: type[Plugin], foreign: str = "") -> Iterator[tuple[str, tu
     if foreign and not (plugin.keys() or plugin.sections or listed):
         section = f"validate.{foreign}"  # a check without keys: `wind: {}`
     if section != "validate" and (plugin.keys() or section != plugin.section):
-        keys = _own_keys(plugin)
+        own: Fields = {name: (info.annotation, info) for name, info in plugin.keys().items()}
+        keys = create_model(plugin.__name__, __base__=Model, __doc__=plugin.__doc__, **own)
         complete = not any(info.is_required() for info in keys.model_fields.values())
         default = keys() if plugin.enabled_by_default and complete and not foreign else None
         yield section, (keys, Field(default, description=plugin.about or None))
-
-
-def _own_keys(plugin: type[Plugin]) -> type[BaseModel]:
-    fields: Fields = {name: (info.annotation, info) for name, info in plugin.keys().items()}
-    return create_model(plugin.__name__, __base__=Model, __doc__=plugin.__doc__, **fields)
 
 
 @functools.cache
@@ -277,12 +271,12 @@ def _validate(checks: Checks) -> type[Validate]:
         names = {check.listed_as() for check, _ in checks if check.listed_in == f"validate.{key}"}
         word: Any = Literal[tuple(sorted(names))]  # Any: a type made just now
         fields[key] = (tuple[word, ...], Validate.model_fields[key])
-    return create_model("Validate", __base__=Validate, __doc__=Validate.__doc__, **fields)
+    return _of_base(Validate, fields)
 
 
-def _one_edit(names: tuple[str, ...]) -> type[OneEdit]:
-    fields: Fields = {name: (load_plugin(Edit, name), Field(None)) for name in names}
-    return create_model("OneEdit", __base__=OneEdit, __doc__=OneEdit.__doc__, **fields)
+def _of_base(base: type[M], fields: Fields, name: str = "") -> type[M]:
+    """A model with more fields, and the name of the one below it unless it has its own."""
+    return create_model(name or base.__name__, __base__=base, __doc__=base.__doc__, **fields)
 
 
 @functools.cache
@@ -292,13 +286,8 @@ def _collision(methods: tuple[str, ...]) -> type[Collision]:
     if len(rules) > 1:
         rule = Annotated[functools.reduce(operator.or_, rules), Discriminator(_method)]
     links = Collision.model_fields["links"]
-    return create_model(
-        "Collision",
-        __base__=Collision,
-        __doc__=Collision.__doc__,
-        default=(rule, Field(_rule("auto")(), description="of links that no pattern matches")),
-        links=(dict[Pattern, rule], links),
-    )
+    default = Field(_rule("auto")(), description="of links that no pattern matches")
+    return _of_base(Collision, {"default": (rule, default), "links": (dict[Pattern, rule], links)})
 
 
 def _method(raw: object) -> str:
@@ -314,9 +303,7 @@ def _rule(method: str) -> type[CollisionRule]:
     kind: Any = Literal[method]  # Any: as above
     name = f"{method.title().replace('_', '')}Rule"
     if method in BUILT_IN:
-        return create_model(
-            name, __base__=CollisionRule, __doc__=CollisionRule.__doc__, method=(kind, what)
-        )
+        return _of_base(CollisionRule, {"method": (kind, what)}, name)
     plugin = load_plugin(CollisionMethod, method)
     keys: Fields = {key: (info.annotation, info) for key, info in plugin.keys().items()}
     model = unstated(create_model(f"{name}Keys", __base__=Model, **keys))

@@ -162,8 +162,8 @@ def _validated(file: Path, name: str, wish: Wish) -> Validated:
     if kind == "mjcf" and b"<robot" in file.read_bytes()[:4096]:
         kind = "urdf"
     findings = list({"mjcf": _mjcf, "urdf": _urdf, "usd": _usd}[kind](file))
-    if wish.simulate and kind in TRIALS:
-        findings += TRIALS[kind](file, wish, findings)
+    if wish.simulate and kind != "mjcf":  # which is tried while it is read
+        findings += {"urdf": _try_urdf, "usd": _try_usd}[kind](file, wish, findings)
     # Two lints may say the same of a link that is a body too.
     once = [one for at, one in enumerate(findings) if one not in findings[:at]]
     return Validated(name, kind, tuple(worst_first(once)))
@@ -280,13 +280,6 @@ def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
         copied=False,
     )
     return list(tried(done, air))
-
-
-TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] = {
-    "urdf": _try_urdf,
-    "usd": _try_usd,
-}
-"""What a file of a kind is tried with; an MJCF is tried while it is read."""
 
 
 # --- a robot that has no recipe, simulated --------------------------------------------------

@@ -28,7 +28,7 @@ from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.plan.asked import checks_of, readers_of
-from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
+from assetbuild.plan.edits import AGAIN, apply_edits, edits_of, guessed_links
 from assetbuild.plan.recipe_consistency import check_against_robot, check_names, turned_meshes
 from assetbuild.plugin_types import Target, lacking
 from assetbuild.plugins import load_plugin
@@ -107,7 +107,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 def begun(loaded: LoadedRecipe) -> Outline:
     """An outline that knows only where the recipe asks for each edit and patch."""
     keys = patch_keys(loaded.recipe.source.patches, loaded.folder, loaded.world)
-    return Outline(edits=edit_keys(loaded.recipe.edits) | keys)
+    edits = {label: key for label, _, key in edits_of(loaded.recipe.edits)}
+    return Outline(edits=edits | keys)
 
 
 def check_recipes(*recipes: LoadedRecipe) -> None:
@@ -156,7 +157,7 @@ def _finished(
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}
     outline.bodies = p.add("measure_bodies", MeasureBodies(), inputs)["bodies.json"]
-    outline.targets = _targets(recipe, outline.robot, p)
+    outline.targets = {name: add_target(recipe, name, outline.robot, p) for name in recipe.targets}
     if recipe.randomize is not None:
         ports = {port: outline.robot[port] for port in StateRanges.reads}
         outline.ranges = p.add("state_ranges", StateRanges.configure(recipe), ports)
@@ -278,13 +279,13 @@ def _robot(links: Ref, tree: Node, assembled: Node, control: Ref, p: Planner) ->
     }
 
 
-def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:
-    nodes = {}
-    for name in recipe.targets:
-        target = load_plugin(Target, name)
-        ports = {port: robot[port] for port in target.reads}
-        nodes[name] = p.add(name, target.configure(recipe), ports)
-    return nodes
+def add_target(
+    recipe: Recipe, name: str, robot: Mapping[str, Ref], p: Planner, label: str = ""
+) -> Node:
+    """The node of a target that writes the robot. label: the target's name by default."""
+    target = load_plugin(Target, name)
+    ports = {port: robot[port] for port in target.reads}
+    return p.add(label or name, target.configure(recipe), ports)
 
 
 def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[str, Ref]]:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from assetbuild.facts.reader import Reader
+from assetbuild.grouping import grouped
 from assetbuild.plugin_types import Check
 from assetbuild.plugins import load_plugin, own_names
 from assetbuild.recipe.models import Recipe
@@ -61,14 +62,11 @@ def _requests(
         names = tuple(name for name, check in checks.items() if _is_about(check, key))
         if names and recipe.value(key) is not None:
             yield key, names
-    lists = {(check.listed_in, check.listed_as()) for check in checks.values() if check.listed_in}
-    for listed_in, word in sorted(lists):
+    listed = ((check.listed_in, check.listed_as(), n) for n, check in checks.items())
+    by_word = grouped((each for each in listed if each[0]), lambda each: each[:2])
+    for (listed_in, word), same in sorted(by_word.items()):
         if word in recipe.value(listed_in):
-            same = (listed_in, word)
-            yield (
-                listed_in,
-                tuple(n for n, c in checks.items() if (c.listed_in, c.listed_as()) == same),
-            )
+            yield listed_in, tuple(name for _, _, name in same)
     for engine in recipe.value("validate.simulators"):
         if engine != USUAL:
             names = tuple(name for name, check in checks.items() if engine in check.engines)

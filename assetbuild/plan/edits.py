@@ -21,10 +21,14 @@ AGAIN = " edited"
 
 
 def edits_of(entries: Sequence[OneEdit]) -> list[tuple[str, Edit, Key]]:
-    """(name, step, key in the recipe) of each."""
+    """(label of its node, step, key in the recipe) of each."""
     return [
-        (entry.name, getattr(entry, entry.name), ("edits", index, entry.name))
-        for index, entry in enumerate(entries)
+        (
+            f"edit {number} {entry.name}",
+            getattr(entry, entry.name),
+            ("edits", number - 1, entry.name),
+        )
+        for number, entry in enumerate(entries, start=1)
     ]
 
 
@@ -36,11 +40,14 @@ def apply_edits(
     geometry: None while the meshes are not known; only an edit that reads meshes waits for it.
     """
     robot = {port: read[port] for port in ("links.json", "shapes.json")}
-    for number, (name, edit, key) in enumerate(edits_of(entries), start=1):
+    for label, edit, key in edits_of(entries):
         links, shapes = p.ask(robot["links.json"]), p.ask(robot["shapes.json"])
         if links is None or shapes is None:
             return None
-        _check_patterns(edit, key, decode(Tree, links))
+        tree = decode(Tree, links)
+        known = {"link": list(tree.by_body), "joint": list(tree.by_joint)}
+        for below, kind, pattern in edit.patterns():
+            must_match((*key, *below), pattern, known[kind], kind)
         inputs = dict(robot)
         for index, shape in enumerate(edit.meshes(decode(SourceShapes, shapes))):
             if geometry is None:
@@ -49,7 +56,7 @@ def apply_edits(
             node = geometry.converted(shape.geometry)
             inputs[f"mesh/{index}/parts/"] = node["parts/"]
             inputs[f"mesh/{index}/mesh.json"] = node["mesh.json"]
-        node = p.add(edit_label(number, name), edit, inputs)
+        node = p.add(label, edit, inputs)
         robot = {port: node[port] for port in robot}
     return robot
 
@@ -58,23 +65,6 @@ def guessed_links(entries: Sequence[OneEdit]) -> tuple[str, ...]:
     """Patterns of the links whose mass an edit only guesses."""
     edits = [edit for _, edit, _ in edits_of(entries) if isinstance(edit, MassEdit)]
     return tuple(edit.link for edit in edits if edit.guessed)
-
-
-def edit_label(number: int, name: str) -> str:
-    """Label of the node of the edit with this number, from 1."""
-    return f"edit {number} {name}"
-
-
-def edit_keys(entries: Sequence[OneEdit]) -> dict[str, Key]:
-    """Key in the recipe of each edit's node, by label."""
-    edits = enumerate(edits_of(entries), start=1)
-    return {edit_label(number, name): key for number, (name, _, key) in edits}
-
-
-def _check_patterns(edit: Edit, key: Key, tree: Tree) -> None:
-    known = {"link": list(tree.by_body), "joint": list(tree.by_joint)}
-    for below, kind, pattern in edit.patterns():
-        must_match((*key, *below), pattern, known[kind], kind)
 
 
 def must_match(key: Key, pattern: str, names: list[str], kind: str) -> None:

@@ -303,10 +303,24 @@ def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -
 
 
 def staged(scene: Path, renderer: str, *, repaired: bool = False) -> Stage:
-    """The robot of a scene. StepError where nothing can be drawn. repaired: as `loaded`."""
+    """The robot of a scene. StepError where nothing can be drawn.
+
+    Without its contacts where they are too many for MuJoCo's memory. repaired: a robot whose mass
+    or inertia MuJoCo refuses is seen all the same.
+    """
     if renderer == "none":
         raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
-    return Stage(loaded(scene, repaired=repaired))
+    try:
+        model = mujoco.load(scene).model
+    except StepError:
+        if not repaired:
+            raise
+        model = mujoco.load(scene, change=_repair_inertia).model
+    try:
+        with mujoco.caught_warnings():
+            return Stage(model)
+    except mujoco.ArenaFullError:
+        return Stage(mujoco.without(model, "CONTACT"))
 
 
 def on_stage(
@@ -327,25 +341,6 @@ def on_stage(
         run_apart(work, DRAWING)
     except NativeError as error:
         raise StepError(f"OpenGL by {renderer.partition(' ')[0]}: {error}") from None
-
-
-def loaded(scene: Path, *, repaired: bool = False) -> mujoco.Model:
-    """The model, without its contacts where they are too many for MuJoCo's memory.
-
-    repaired: a robot whose mass or inertia MuJoCo refuses is seen all the same.
-    """
-    try:
-        model = mujoco.load(scene).model
-    except StepError:
-        if not repaired:
-            raise
-        model = mujoco.load(scene, change=_repair_inertia).model
-    try:
-        with mujoco.caught_warnings():
-            mujoco.at_key(model)
-    except mujoco.ArenaFullError:
-        return mujoco.without(model, "CONTACT")
-    return model
 
 
 def _repair_inertia(spec: Any) -> None:  # Any: MuJoCo's MjSpec

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from assetbuild.policy.terms import Seen
 from assetbuild.rendering.render import Stage, directions, fitted, on_stage, staged, write
 from assetbuild.rendering.studio import BACKGROUND, Pixels, Shot, Studio
 from assetbuild.robot.pose import Array
@@ -26,23 +27,11 @@ CAPTION, INK = 13, (70, 70, 70)
 """Pixels of the letters, and their colour."""
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """A robot at one time. place: (3,) m; quat: wxyz of the base; q: of joints, rad or m.
+def draw_strip(scene: Path, rows: Mapping[str, Sequence[Seen]], file: Path, renderer: str) -> None:
+    """Write a PNG of moments, a row for each engine. The camera goes along. StepError.
 
-    caption: what is written below.
+    PhysX's row has no distances: pictures are shown around.
     """
-
-    place: Array
-    quat: Array
-    q: Mapping[str, float]
-    caption: str
-
-
-def draw_strip(
-    scene: Path, rows: Mapping[str, Sequence[Moment]], file: Path, renderer: str
-) -> None:
-    """Write a PNG of moments, a row for each name. The camera goes along. StepError."""
     stage = staged(scene, renderer)
     start = np.array(stage.data.xpos[1])
 
@@ -54,17 +43,21 @@ def draw_strip(
 
 
 def _row(
-    stage: Stage, studio: Studio, start: Array, name: str, moments: Sequence[Moment]
+    stage: Stage, studio: Studio, start: Array, engine: str, moments: Sequence[Seen]
 ) -> Pixels:
     """start: (3,) m, where the base is in the stage's own pose."""
     pictures = _pictures(stage, studio, start, moments)
-    captions = [f"{name}  {moments[0].caption}", *(moment.caption for moment in moments[1:])]
+    captions = [f"{moment.time:.1f} s" for moment in moments]
+    if engine != "physx":
+        walked = [math.dist(moment.place[:2], moments[0].place[:2]) for moment in moments]
+        captions = [f"{text}  {way:.2f} m" for text, way in zip(captions, walked, strict=True)]
+    captions[0] = f"{engine}  {captions[0]}"
     with_text = [_captioned(*pair) for pair in zip(pictures, captions, strict=True)]
     return np.concatenate(with_text, axis=1)
 
 
 def _pictures(
-    stage: Stage, studio: Studio, start: Array, moments: Sequence[Moment]
+    stage: Stage, studio: Studio, start: Array, moments: Sequence[Seen]
 ) -> Iterator[Pixels]:
     """Each of the same size, FINER times too large, the robot's base in the same place."""
     model, data = stage.model, stage.data

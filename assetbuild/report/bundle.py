@@ -105,13 +105,27 @@ def roles_of(bundle: Path) -> dict[str, str]:
 
 
 def _listed(bundle: Path, word: str) -> dict[str, str]:
+    manifest = read_json(bundle, "manifest.json")
     try:
-        manifest = json.loads((bundle / "manifest.json").read_bytes())
         return {str(row["path"]): str(row[word]) for row in manifest["files"]}
-    except (FileNotFoundError, NotADirectoryError):
-        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+    except (KeyError, TypeError) as error:
         raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
+
+
+def read_json(bundle: Path, name: str) -> dict[str, Any]:  # Any: plain JSON
+    """The object in a JSON file of a bundle. UsageError where there is none."""
+    try:
+        raw = json.loads((bundle / name).read_bytes())
+    except (FileNotFoundError, NotADirectoryError):
+        raise UsageError(
+            f"`{bundle}` is no bundle of this version: it has no {name}",
+            hint="give a folder that `build` wrote, or build an older one again",
+        ) from None
+    except (ValueError, RecursionError, OSError) as error:
+        raise UsageError(f"`{bundle / name}` is not JSON: {error}") from None
+    if not isinstance(raw, dict):
+        raise UsageError(f"`{bundle / name}` is no JSON object")
+    return raw
 
 
 def media_type(path: str) -> str:
@@ -149,6 +163,9 @@ def package_url(name: str, version: str) -> str:
     return f"pkg:pypi/{name.lower()}@{version}"
 
 
+STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
+
+
 def provenance(
     files: Iterable[BundleFile],
     recipe_digest: str,
@@ -162,12 +179,12 @@ def provenance(
     as SLSA asks. run: `finishedOn`, and what has no name in SLSA, with the prefix `assetbuild_`.
     """
     statement = {
-        "_type": "https://in-toto.io/Statement/v1",
+        "_type": STATEMENT,
         "subject": [
             {"name": file.path, "digest": {"sha256": file.sha256}}
             for file in sorted(files, key=lambda file: file.path)
         ],
-        "predicateType": "https://slsa.dev/provenance/v1",
+        "predicateType": PREDICATE,
         "predicate": {
             "buildDefinition": {
                 "buildType": "urn:assetbuild:bundle:v1",

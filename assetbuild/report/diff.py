@@ -15,7 +15,8 @@ from assetbuild.facts.again.tree import NotParsedError, groups
 from assetbuild.facts.compare import Difference, differences, value_text
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
-from assetbuild.report.sides import DERIVED, ROBOT, Form, Side
+from assetbuild.grouping import grouped
+from assetbuild.report.sides import DERIVED, ROBOT, Form, Side, stages_of
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
 
@@ -60,15 +61,15 @@ def changes(before: Side, after: Side) -> Changes:
     explained = frozenset(PAGES) if all_changes else frozenset()
     files, rewritten = _files(before, after, telling, explained)
     all_changes += files
-    merged: dict[tuple[object, ...], Change] = {}
-    for change in all_changes:
-        key = (change.rank, change.quantity, change.before, change.after, change.note)
-        known = merged.get(key, replace(change, subjects=(), forms=()))
-        subjects = dict.fromkeys((*known.subjects, *change.subjects))
-        forms = dict.fromkeys((*known.forms, *change.forms))
-        merged[key] = replace(known, subjects=tuple(subjects), forms=tuple(forms))
-    rows = sorted(merged.values(), key=lambda change: RANKS.index(change.rank))
+    alike = grouped(all_changes, lambda c: (c.rank, c.quantity, c.before, c.after, c.note))
+    rows = sorted(map(_merged, alike.values()), key=lambda change: RANKS.index(change.rank))
     return Changes(tuple(rows), rewritten)
+
+
+def _merged(changes: Sequence[Change]) -> Change:
+    subjects = dict.fromkeys(name for change in changes for name in change.subjects)
+    forms = dict.fromkeys(form for change in changes for form in change.forms)
+    return replace(changes[0], subjects=tuple(subjects), forms=tuple(forms))
 
 
 def diff_text(before: Side, after: Side, diff: Changes) -> str:
@@ -306,9 +307,8 @@ def _files(
 
 def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
     """What two files say otherwise; nothing where both mean the same."""
-    stages = tuple(sorted((before / "usd").glob("*.usd*"))) if path.startswith("usd/") else ()
     try:
-        rows = rows_of(before / path, after / path, stages)
+        rows = rows_of(before / path, after / path, stages_of(before, path))
     except (NotParsedError, ValueError) as error:
         yield Change("HIGH", (f"file {path}",), "can be read", "?", "no", str(error))
         return

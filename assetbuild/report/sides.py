@@ -20,7 +20,7 @@ from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import usable_plugins
-from assetbuild.report.bundle import files_of
+from assetbuild.report.bundle import files_of, read_json
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
@@ -65,8 +65,8 @@ class Side:
 def bundle_side(bundle: Path, name: str = "") -> Side:
     """A folder that `build` wrote, as its files lie there; UsageError when it is none."""
     reference = Reference.of_bundle(bundle)
-    report = _json(bundle / "report/report.json", bundle)
-    robot = str(_json(bundle / "manifest.json", bundle).get("robot", bundle.name))
+    report = read_json(bundle, "report/report.json")
+    robot = str(read_json(bundle, "manifest.json").get("robot", bundle.name))
     digests = {name: digest_file(p) for name, p in sorted(files_of(bundle)) if p.is_file()}
     whole = functools.partial(_whole_robot, reference, report)
     forms = {ROBOT: Form(whole, covers=("report/robot.json",))}
@@ -96,6 +96,11 @@ def bundle_readers(
             yield kind.format_id, reader, file
 
 
+def stages_of(folder: Path, path: str) -> tuple[Path, ...]:
+    """The stages of USD that the file at `path` in a bundle may be a layer of."""
+    return tuple(sorted((folder / path.partition("/")[0]).glob("*.usd*")))
+
+
 def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # Any: JSON
     """With what the links were before merging, and the sections that say how files are written."""
     merged, links = robot_table(reference), robot_table(reference, merged=False)
@@ -119,30 +124,21 @@ def _read(reader: Reader, file: Path, bundle: Path) -> Table:
         raise UsageError(f"{file.relative_to(bundle)}: {why}", hint=hint) from None
 
 
-def _json(file: Path, bundle: Path) -> dict[str, Any]:  # Any: plain JSON
-    try:
-        raw = json.loads(file.read_bytes())
-    except FileNotFoundError:
-        missing = file.relative_to(bundle)
-        raise UsageError(
-            f"`{bundle}` is no bundle of this version: it has no {missing}",
-            hint="build it again, or give the MJCF, URDF or USD in it",
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise UsageError(f"`{file}` is not JSON: {error}") from None
-    if not isinstance(raw, dict):
-        raise UsageError(f"`{file}` is no JSON object")
-    return raw
-
-
 # --- models that nobody here wrote ----------------------------------------------------------
 
 
 def foreign_side(path: Path) -> Side:
     """One model by the ending of its file; AssetBuildError for what cannot be read."""
     suffix = path.suffix.lower()
+    try:
+        text = path.read_bytes() if suffix in (".json", ".xml", ".urdf", ".mjcf") else b""
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     if suffix == ".json":
-        measured, simulator = readings(path)
+        try:  # what Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`
+            measured, simulator = readings_table(json.loads(text))
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            raise UsageError(f"`{path}` holds no readings: {error}") from None
         facts = {(key.kind, key.quantity) for key in measured.facts}  # it measures some facts only
         return _model(
             f"{path} ({simulator})",
@@ -151,10 +147,6 @@ def foreign_side(path: Path) -> Side:
             precision=Precision(FLOAT32),
             holds=lambda key: (key.kind, key.quantity) in facts,
         )
-    try:
-        text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
-    except OSError as error:
-        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     if b"<robot" in text:
         return _model(str(path), "merged urdf", _merged_urdf(path), holds=_in_urdf)
     for _, kind in usable_plugins(Reader):
@@ -205,16 +197,6 @@ def _merged_urdf(path: Path) -> Table:
         links = replace(links, base="fixed")
     tree = merge_fixed_joints(links, True, ())[0]
     return robot_table(Reference(links, tree))
-
-
-def readings(path: Path) -> tuple[Table, str]:
-    """(facts, simulator) that Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`."""
-    try:
-        return readings_table(json.loads(path.read_bytes()))
-    except OSError as error:
-        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise UsageError(f"`{path}` holds no readings: {error}") from None
 
 
 def config_side(path: Path, name: str, known: Side | None) -> Side:

@@ -7,7 +7,7 @@ from html import escape
 
 from assetbuild.findings import Finding, worst_first
 from assetbuild.report.document import Report
-from assetbuild.report.verdict import Verdict, verdict_rows
+from assetbuild.report.verdict import verdict_rows
 
 SHOWN_FINDINGS = 50
 WITHHELD = "figures of this simulator are not published; see the bundle's own report"
@@ -19,15 +19,16 @@ def summary(report: Report, *lines: str) -> str:
 
     lines: what to say in between.
     """
+    report = published(report)
     ready = "ready for training" if report.verdict.ready else "not ready for training"
     parts = [f"### {report.robot}: {ready}", "", *lines]
-    parts += ["", *(f"- {part}: {markdown_cell(v)}" for part, v in public_rows(report.verdict))]
+    parts += ["", *(f"- {part}: {markdown_cell(v)}" for part, v in verdict_rows(report.verdict))]
     parts += [f"- checks: {', '.join(_checks(report))}"]
     findings = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
     if findings:
         parts += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
     for finding in findings[:SHOWN_FINDINGS]:
-        cells = (finding.severity, finding.rule, finding.subject, public_message(finding))
+        cells = (finding.severity, finding.rule, finding.subject, finding.message)
         parts.append(f"| {' | '.join(markdown_cell(cell) for cell in cells)} |")
     if len(findings) > SHOWN_FINDINGS:
         parts += ["", f"and {len(findings) - SHOWN_FINDINGS} more in the report"]
@@ -48,15 +49,22 @@ def _checks(report: Report) -> list[str]:
     return parts
 
 
-def public_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
-    """The verdict's parts without the figures of Isaac Lab, which simulates with PhysX."""
+def published(report: Report) -> Report:
+    """The report without figures of PhysX, with which Isaac Lab simulates as well."""
+    findings = tuple(replace(f, message=public_message(f)) for f in report.findings)
     trainers = {
         name: replace(one, sentence=WITHHELD)
         if name == "isaaclab" and one.status != "not tried"
         else one
-        for name, one in verdict.trainers.items()
+        for name, one in report.verdict.trainers.items()
     }
-    return verdict_rows(replace(verdict, trainers=trainers))
+    step = report.verdict.next_step  # it may end in the message of a finding
+    for finding in report.findings:
+        if finding.message and step.endswith(finding.message):
+            step = step.removesuffix(finding.message) + public_message(finding)
+            break
+    verdict = replace(report.verdict, trainers=trainers, next_step=step)
+    return replace(report, verdict=verdict, findings=findings)
 
 
 def public_message(finding: Finding) -> str:

@@ -113,9 +113,7 @@ def verdict_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
         run = f"{BESIDE}run `{command}` to try {shown}"
         rows.append(("trainers", f"not tried: {others}; {run}"))
     if verdict.not_tried:
-        notes = [
-            f"`{name}`: {why}" if why else f"`{name}`" for name, why in verdict.not_tried.items()
-        ]
+        notes = (f"`{name}`" + f": {why}" * bool(why) for name, why in verdict.not_tried.items())
         rows.append(("checks", f"not run: {'; '.join(notes)}"))
     return tuple(rows)
 

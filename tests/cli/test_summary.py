@@ -22,7 +22,7 @@ from assetbuild.cli.summary import (
     every_finding_line,
     finding_lines,
     shown_figures,
-    shown_next_step,
+    shown_report,
     shown_rows,
 )
 from assetbuild.engine.execute import Costs, Event
@@ -147,11 +147,12 @@ def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     (folder / "report/report.json").write_text(json.dumps(made.to_json()))
     report.run(argparse.Namespace(bundle=folder, open=False, pictures=None))
     printed = capsys.readouterr()
-    rows = [said for _, said in shown_rows(made.verdict, Path("tiny.yaml"))]
+    shown = shown_report(made)
+    rows = [said for _, said in shown_rows(shown.verdict, Path("tiny.yaml"))]
     lines = [
         *rows,
         *finding_lines([FELL]),
-        shown_next_step(made),
+        shown.verdict.next_step,
         shown_figures("isaaclab", "0.125 m"),
     ]
     return "\n".join([*lines, printed.out, printed.err])
