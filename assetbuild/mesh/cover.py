@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.hull import convex_hull, polygon_count
+from assetbuild.mesh.hull import convex_hull, manifold3d, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece, Solid
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume
@@ -117,14 +117,12 @@ class Reference:
     @cached_property
     def exact(self) -> Manifold | None:
         """The mesh as a solid of manifold3d; None when it is not one."""
-        import manifold3d
-
-        mesh = self.solid.mesh
+        mesh, library = self.solid.mesh, manifold3d()
         if not mesh.is_closed or signed_volume(mesh) <= 0.0:
             return None
         triangles = np.ascontiguousarray(mesh.faces, dtype=np.uint64)
-        made = manifold3d.Manifold(manifold3d.Mesh64(_float64(mesh.vertices), triangles))
-        is_solid = made.status() == manifold3d.Error.NoError and made.volume() > 0.0
+        made = library.Manifold(library.Mesh64(_float64(mesh.vertices), triangles))
+        is_solid = made.status() == library.Error.NoError and made.volume() > 0.0
         return made if is_solid else None
 
     @cached_property
@@ -181,10 +179,9 @@ class Reference:
 
 def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
     """The union of the pieces as a solid, and its surface: no inner walls."""
-    import manifold3d
-
-    solids = [manifold3d.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
-    union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    library = manifold3d()
+    solids = [library.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
+    union = library.Manifold.batch_boolean(solids, library.OpType.Add)
     mesh = union.to_mesh64()
     vertices = np.array(mesh.vert_properties, dtype=np.float64)[:, :3]  # manifold's are read-only
     return union, TriangleMesh(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))

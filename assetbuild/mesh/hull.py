@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import functools
+import os
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,9 +138,25 @@ def beyond(planes: Array, points: Array) -> Array:
 
 def hull_volume(points: Array) -> float:
     """m3, by manifold3d, which takes half of qhull's time: searches ask for thousands."""
+    hull_points = manifold3d().Manifold.hull_points
+    return float(hull_points(points).volume()) if len(points) > 3 else 0.0
+
+
+@functools.cache
+def manifold3d() -> Any:  # Any: the extension module has no types
+    """The library on one thread: on several, a solid's triangles come in another order each time.
+
+    Its pool has as many threads as this process has cores when it is first used. Where a system
+    cannot tell a process to use one core, the order stays as it is.
+    """
     import manifold3d
 
-    return float(manifold3d.Manifold.hull_points(points).volume()) if len(points) > 3 else 0.0
+    if hasattr(os, "sched_setaffinity"):
+        cores = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, {min(cores)})
+        manifold3d.Manifold.cube()
+        os.sched_setaffinity(0, cores)
+    return manifold3d
 
 
 def polygon_count(hull: TriangleMesh) -> int:

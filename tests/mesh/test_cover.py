@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -234,3 +237,23 @@ def test_tips_stand_for_the_hull():
     assert some == pytest.approx(whole, rel=5e-3)
     assert tips(ball[:10]) is not None
     assert len(tips(ball[:10])) == 10
+
+
+ORDER = """
+import hashlib
+from assetbuild.mesh.cover import union_of
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.robot.shapes import Sphere
+faces = union_of([ConvexPiece(tessellate(Sphere(0.02)))])[1].faces
+print(hashlib.sha256(faces.tobytes()).hexdigest())
+"""
+
+
+def test_triangles_of_a_union_come_in_one_order_in_every_process():
+    """Samples on it are drawn by that order; the environment is that of a step."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", ORDER]
+    runs = [subprocess.run(command, env=environment, stdout=subprocess.PIPE) for _ in range(3)]
+    assert all(run.returncode == 0 for run in runs)
+    assert len({run.stdout for run in runs}) == 1
