@@ -18,7 +18,7 @@ from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled
-from assetbuild.engine.scratch import scratch
+from assetbuild.engine.scratch import Scratch
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, Listing, machine_errors
 from assetbuild.engine.world import files_in
@@ -165,11 +165,11 @@ class _Built:
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
         """The robot that the targets wrote, with what its files hold."""
-        with scratch() as ports:
-            for port, ref in self.outline.robot.items():
-                if port.endswith(".json"):
-                    ports.link(port, self.session.object(self.results[ref.node][ref.output]))
-            return Reference.of_ports(ports.folder, options)
+        ports = Scratch(self.session.store.scratch())
+        for port, ref in self.outline.robot.items():
+            if port.endswith(".json"):
+                ports.link(port, self.session.object(self.results[ref.node][ref.output]))
+        return Reference.of_ports(ports.folder, options)
 
     def written(self) -> Written:
         """What `validate` needs to write the files again."""

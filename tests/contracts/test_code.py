@@ -136,7 +136,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Seen]:
 def laid_out(action: Action, session: Session, place: Path) -> Path:
     for name in ("outputs", "home"):
         (place / name).mkdir(parents=True)
-    stage(session, action.inputs, place / "inputs")
+    stage(session, action.inputs, place / "inputs", alone=True)
     folders = {name: str(place / name) for name in ("inputs", "outputs", "home")}
     run = {"label": action.label, "step": step_to_json(action.step), **folders}
     (place / "run.json").write_text(json.dumps(run))
