@@ -232,7 +232,7 @@ def stage(
     staged: Staged = {}
     for name, digest in inputs.items():
         place, is_tree = folder / name, name.endswith("/")
-        own = folder.with_name("views") / digest if alone else None
+        own = folder.with_name("views") / str(len(staged)) if alone else None
         path = session.view(digest, own) if is_tree else session.object(digest)
         staged[name] = digest, path, signature_of(path.stat())
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -130,7 +130,7 @@ def test_a_file_put_into_a_folder_that_others_read_reaches_none_of_them(
     planner = Planner(session)
     split = planner.add("split", Split(), {"in": planner.source(source)})
     planner.add("bad", Misbehave(how="add_to_folder"), {"parts/": split["parts/"]})
-    planner.add("good", Mix(), {"parts/": split["parts/"]})
+    planner.add("good", Mix(), {"parts/": split["parts/"], "again/": split["parts/"]})
     with Processes(session, long_lived=long_lived) as runner:
         results = execute(planner.graph(), session, runner, keep_going=True, jobs=1)
         left = [path for path in session.store.root.rglob("more") if path.is_file()]
