@@ -18,8 +18,8 @@ class Files:
     """Where a step reads and writes: two folders, nothing else.
 
     inputs: holds each input under the name that the plan gave it; a name may contain slashes
-        (`meshes/calf/parts/`), one that ends in a slash is a folder. Read only. Both are links, so
-        a search enters a folder where it begins in it.
+        (`meshes/calf/parts/`), one that ends in a slash is a folder. Read only. Both are links:
+        a recursive search enters an input folder only when it starts there.
     outputs: empty; the step writes exactly its declared outputs there.
     """
 

@@ -181,7 +181,7 @@ def _softness(control: Control, table: Table) -> None:
 
 
 def _renamed(table: Table, world: str) -> Table:
-    """With MuJoCo's name for a body called `world`, "" where there is none."""
+    """Replace the name of a body called `world` by MuJoCo's; "" = the robot has no such body."""
     if not world:
         return table
     pattern, renamed = re.compile(r"(?<!\S)world(?!\S)"), Table()

@@ -249,7 +249,7 @@ def _are_sides(one: str, other: str) -> bool:
 def mjcf_hand(
     robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
 ) -> list[str]:
-    """As `hand_of`, where a tendon's actuator may drive any joint."""
+    """Return the links of `hand_of`; an actuator of a tendon counts as driving every joint."""
     driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         driven = {joint.name for joint in robot.tree.moving_joints}

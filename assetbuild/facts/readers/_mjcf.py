@@ -165,7 +165,7 @@ class MjcfReader(Reader):
         return self._compared(self._read(path, opaque_of(here), visuals=self.visuals), here)
 
     def _compared(self, table: Table, reference: Reference) -> Table:
-        """As far as MJCF holds it and the source's MJCF does not say it itself."""
+        """Leave out what MJCF does not hold, and what the source's own MJCF already states."""
         opaque, unseen = opaque_of(reference), set[str]()
         for name in () if self.visuals else table.names("shape"):
             shape = table.of("shape", name)
@@ -203,7 +203,7 @@ class MjcfFacts(MjcfReader):
 
     @property
     def exactness(self) -> Precision:
-        """As the recipe has it."""
+        """The tolerances that the recipe asks for."""
         return Precision(
             {**dict.fromkeys(EXACT, self.equality), "length": 1e-6}, self.precision.by_quantity
         )
@@ -300,7 +300,7 @@ class BareFacts(MjcfReader):
         return replace(reference, control=bare)
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """With the robot's names of collision geoms: `FR_foot` of `FR_foot_collision2`.
+        """Rename collision geoms as the robot calls them: `FR_foot_collision2` is `FR_foot`.
 
         That mjlab finds every geom is the check `mjlab_contract`.
         """

@@ -68,7 +68,7 @@ def drives_of(config: Record) -> Iterator[tuple[Record, tuple[str, ...]]]:
 
 
 def model_of(kind: str, kp: object, kd: object) -> str:
-    """The model of the table: a drive without gains makes the effort that it is told, or none."""
+    """Return the model in the actuator table; a drive without gains is `motor` or `passive`."""
     if kind == "DCMotorCfg":
         return "dc_motor"
     if kind in ("IdealPDActuatorCfg", "DelayedPDActuatorCfg"):
