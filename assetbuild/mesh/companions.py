@@ -20,11 +20,12 @@ _MTLLIB = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
 _MAP_KD = re.compile(rb"^[ \t]*map_Kd[ \t]+([^\r\n]+)", re.MULTILINE)
 _ELSEWHERE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|/")
 """A scheme, a drive letter, or an absolute path."""
-_OPTIONS = re.compile(
-    r"(?:\s*+-(?:(?:mm|s|o|t)(?:\s++[-+.\deE]++(?=\s)){0,3}+"
-    r"|(?:blendu|blendv|cc|clamp|boost)\s++\S++)\s++)++"
+_OPTION = re.compile(
+    r"\s*-(?:(?:mm|s|o|t)(?:\s+[-+.\deE]+(?=\s)){0,3}"
+    r"|(?:blendu|blendv|cc|clamp|boost)\s+\S+)\s+"
 )
-"""Options of an MTL's map, before the name of its picture; possessive, so linear in any text."""
+"""One option of an MTL's map, before the name of its picture. Python 3.11.2 repeats groups
+possessively (`++`) as if each came once, so options are matched one by one."""
 
 
 def format_of(path: str) -> str:
@@ -65,7 +66,10 @@ def picture_of_map(words: str) -> str:
     >>> picture_of_map("-s 2 2 1 -o 0.5 e.png")
     'e.png'
     """
-    return words[options.end() if (options := _OPTIONS.match(words)) else 0 :].strip()
+    start = 0
+    while option := _OPTION.match(words, start):
+        start = option.end()
+    return words[start:].strip()
 
 
 def _stated(data: bytes, format: Naming) -> Iterator[str]:
