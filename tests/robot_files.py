@@ -14,7 +14,7 @@ from tiny import TinyRobot
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.geometry.measure_assets import MeasureAssets
+from assetbuild.geometry.measure_assets import MeasureAssets, ReadMeshes
 from assetbuild.robot.codec import encode
 from assetbuild.robot.shapes import Mesh, MeshFile, Shapes, SourceShape, SourceShapes
 
@@ -31,6 +31,7 @@ def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
     if isinstance(robot.shapes, Shapes):
+        run_step(ReadMeshes(), folder, folder)
         run_step(MeasureAssets(), folder, folder)
     return folder
 

@@ -13,8 +13,10 @@ from pathlib import Path
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
+from assetbuild.mesh.hulls import write_meshes
 from assetbuild.mesh.obj import obj_of
 from assetbuild.mesh.picture import mean_colour, picture_name
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.plugin_types import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
@@ -86,7 +88,7 @@ class Use:
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
-    outputs = ("shapes.json", "meshes/")
+    outputs = ("shapes.json", "meshes/", "triangles.npz")
 
     uses: tuple[Use, ...]
     textures: tuple[str, ...] = ()
@@ -109,6 +111,8 @@ class Assemble(Step):
             shapes += called(made, use.shape if is_own and use.named else None)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
+        meshes = [library.meshes[asset.name] for asset in final.meshes]
+        write_meshes(files.outputs / "triangles.npz", meshes)
         yield from palette.findings
         yield from _without_collision(source, self.uses)
 
@@ -189,22 +193,24 @@ def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
 
 
 class _Library:
-    """Mesh files of the bundle, each content once."""
+    """Mesh files of the bundle, each content once. meshes: what they hold, by the asset's name."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(exist_ok=True)
+        self.meshes: dict[str, TriangleMesh] = {}
         self._folder = folder
         self._by_digest: dict[str, MeshAsset] = {}
 
     def add(self, path: Path, stem: str, part: MeshPart, *, convex: bool = False) -> str:
         """Name of the asset with this file's content; the first user gives it its stem."""
-        text = obj_of(path)
+        mesh, text = obj_of(path)
         digest = hashlib.sha256(text).hexdigest()
         if digest not in self._by_digest:
             name = f"{re.sub(r'[^A-Za-z0-9_]+', '_', stem) or 'mesh'}-{digest[:8]}"
             asset = MeshAsset(name, f"{name}.obj", part.vertices, part.faces, convex)
             (self._folder / asset.file).write_bytes(text)
             self._by_digest[digest] = asset
+            self.meshes[name] = mesh
         return self._by_digest[digest].name
 
     def add_picture(self, path: Path, name: str) -> str:

@@ -278,6 +278,7 @@ def read_part(path: Path, subject: str = "mesh") -> TriangleMesh:
 
 
 @functools.lru_cache(16)
-def obj_of(path: Path) -> bytes:
-    """A part of a converted mesh as OBJ text, made once for all links that show it."""
-    return obj_bytes(read_part(path)) if path.suffix == SUFFIX else path.read_bytes()
+def obj_of(path: Path) -> tuple[TriangleMesh, bytes]:
+    """A part of a converted mesh, and its OBJ text; made once for all links that show it."""
+    mesh = read_part(path)
+    return mesh, obj_bytes(mesh) if path.suffix == SUFFIX else path.read_bytes()

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from assetbuild.robot.pose import Array, Pose, Vec3, cross
 
 Indices = NDArray[np.int64]
+MIXING = np.uint64(0x9E3779B97F4A7C15)
+"""Odd, with half of its bits set: a product spreads each bit of a number over the higher ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,14 +312,28 @@ def first_seen(rows: Array) -> tuple[Indices, Indices]:
     rows: (n, k), compared exactly; values are numbered in the order of first appearance.
     """
     # Adding zero turns -0.0 into 0.0, which are equal numbers but different bits.
-    order, new = in_order(np.ascontiguousarray(rows + 0.0).view(np.uint64))
-    first = order[new]  # the sort is stable, so this is the least row number of each value
+    order, new = _grouped(np.ascontiguousarray(rows + 0.0).view(np.uint64))
+    first = np.minimum.reduceat(order, np.flatnonzero(new)) if len(order) else order
     by_first = np.argsort(first)
     rank = np.empty(len(first), dtype=np.int64)
     rank[by_first] = np.arange(len(first))
     number = np.empty(len(rows), dtype=np.int64)
     number[order] = rank[np.cumsum(new) - 1]
     return first[by_first], number
+
+
+def _grouped(rows: NDArray[np.uint64]) -> tuple[Indices, NDArray[np.bool_]]:
+    """As `in_order`, with equal rows side by side in no order that means anything: much quicker."""
+    keys = np.zeros(len(rows), dtype=np.uint64)
+    for column in rows.T:
+        keys = (keys ^ column) * MIXING
+        keys ^= keys >> np.uint64(29)
+    order = np.argsort(keys)
+    ordered = rows[order]
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    is_shared = np.diff(keys[order]) == 0
+    return in_order(rows) if (new[1:] & is_shared).any() else (order, new)
 
 
 def in_order(rows: NDArray[Any]) -> tuple[Indices, NDArray[np.bool_]]:

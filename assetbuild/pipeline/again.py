@@ -29,7 +29,7 @@ from assetbuild.facts.compare import EQUAL
 from assetbuild.facts.reader import UNREADABLE
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding, Rule
-from assetbuild.geometry.measure_assets import MeasureAssets
+from assetbuild.geometry.measure_assets import ReadMeshes
 from assetbuild.grouping import grouped
 from assetbuild.pipeline.writers import StatedRecipe, code_of_writers, writer_kinds
 from assetbuild.plugin_types import Target
@@ -183,8 +183,8 @@ def _write(
         held["ratings.json"] = {"ratings.json": rated["ratings.json"]}
         if any("triangles.npz" in step.reads for step in steps.values()):
             shown = held["shapes.json"] | held["meshes/"]
-            measured = p.add("measure_assets", MeasureAssets(), shown)
-            held["triangles.npz"] = {"triangles.npz": measured["triangles.npz"]}
+            read = p.add("read_meshes", ReadMeshes(), shown)
+            held["triangles.npz"] = {"triangles.npz": read["triangles.npz"]}
         for name, step in steps.items():
             inputs = {name: ref for port in step.reads for name, ref in held[port].items()}
             p.add(name, step, inputs)

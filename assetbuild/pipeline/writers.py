@@ -12,7 +12,7 @@ from assetbuild.engine.code import Code
 from assetbuild.engine.step import Step
 from assetbuild.facts.again.written import code_digest
 from assetbuild.facts.reference import Reference
-from assetbuild.geometry.measure_assets import MeasureAssets
+from assetbuild.geometry.measure_assets import ReadMeshes
 from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.models import Recipe
@@ -30,7 +30,7 @@ def patterns(recipe: Recipe) -> dict[str, list[str]]:
 
 def code_of_writers(kinds: Mapping[str, type[Step]], code: Code) -> dict[str, str]:
     """A digest for each writer; some read ratings and triangles, which are made on the way."""
-    made = {**code.of(KeepRatings).modules, **code.of(MeasureAssets).modules}
+    made = {**code.of(KeepRatings).modules, **code.of(ReadMeshes).modules}
     return {name: code_digest({**made, **code.of(kind).modules}) for name, kind in kinds.items()}
 
 

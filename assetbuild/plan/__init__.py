@@ -24,6 +24,7 @@ from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import Gather, RecipeError
+from assetbuild.geometry.assemble import Assemble
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
 from assetbuild.lock import Lock, lock_path, read_lock
@@ -268,7 +269,7 @@ def _robot(links: Ref, tree: Node, assembled: Node, control: Ref, p: Planner) ->
     """The finished robot: what targets and checks read, by port."""
     ports = {"control.json": control, "tree.json": tree["tree.json"]}
     ratings = p.add("ratings", KeepRatings(), ports)
-    shapes = {port: assembled[port] for port in ("shapes.json", "meshes/")}
+    shapes = {port: assembled[port] for port in Assemble.outputs}
     measured = p.add("measure_assets", MeasureAssets(), shapes)
     return shapes | {
         "links.json": links,

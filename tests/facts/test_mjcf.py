@@ -26,7 +26,7 @@ from assetbuild.facts.readers._mjcf import BareFacts, MjcfFacts, MjxFacts
 from assetbuild.facts.readers.scene import SceneFacts
 from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
-from assetbuild.geometry.measure_assets import MeasureAssets
+from assetbuild.geometry.measure_assets import MeasureAssets, ReadMeshes
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Limits
@@ -206,6 +206,7 @@ def written(tmp_path: Path, text: str = ROBOT) -> Written:
     reading = read(text, tmp_path / "read") if text else hard_arm(tmp_path / "read")
     made = write(reading, tmp_path / "out")
     shutil.copyfile(reading.read / "links.json", made.inputs / "links.json")
+    run_step(ReadMeshes(), made.inputs, made.inputs)
     run_step(MeasureAssets(), made.inputs, tmp_path / "measured")
     shutil.copyfile(tmp_path / "measured" / "assets.json", made.inputs / "assets.json")
     return made

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from assetbuild.mesh import triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import (
     TriangleMesh,
@@ -89,9 +91,13 @@ def test_vertices_are_numbered_by_first_appearance_and_unused_ones_go():
     assert mesh.vertices.tolist() == [[1, 0, 0], [0, 0, 0], [0, 1, 0]]
 
 
-@given(st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 1e-300, np.pi])] * 3), max_size=40))
-def test_rows_are_counted_as_a_dictionary_counts_them(rows):
-    first, number = first_seen(np.array(rows, dtype=np.float64).reshape(-1, 3))
+@given(
+    st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 1e-300, np.pi])] * 3), max_size=40),
+    st.sampled_from([triangles.MIXING, np.uint64(0)]),
+)
+def test_rows_are_counted_as_a_dictionary_counts_them(rows, mixing):
+    with patch.object(triangles, "MIXING", mixing):  # of 0, all rows share a key
+        first, number = first_seen(np.array(rows, dtype=np.float64).reshape(-1, 3))
     distinct = list(dict.fromkeys(rows))
     assert first.tolist() == [rows.index(row) for row in distinct]
     assert number.tolist() == [distinct.index(row) for row in rows]
