@@ -117,7 +117,7 @@ class Reader(Check):
         return None if values is None else values | {"options": options}
 
     def file(self, root: Path, robot: str) -> Path | None:
-        """The main file below `root`, the target's folder; None where there is none to compare."""
+        """The main file below `root`, the target's folder; None where there is none."""
         main = Path(self.file_globs[0]).relative_to(self.folder)
         found = sorted(root.glob(str(main).replace("{robot}", escape(robot))))
         return found[0] if found and found[0].is_file() else None
@@ -180,6 +180,7 @@ class Reader(Check):
         path = self.file(files.inputs / self.needs[0], self.robot)
         if path is None:
             write_figures(files, {"facts": 0})
+            yield UNREADABLE("robot", f"{self.display_name} is not there: its target wrote none")
             return
         proof = self.prove(reference, path)
         write_figures(files, {"facts": proof.compared, "differ": len(proof.differences)})

@@ -164,6 +164,14 @@ def test_what_a_target_writes_reads_back_equal(name: str, case: str, tmp_path: P
     assert [finding for finding in found if finding.severity == "error"] == []
 
 
+@pytest.mark.parametrize("name", READERS)
+def test_a_file_that_its_target_did_not_write_is_an_error(name: str, tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", pendulum())
+    (inputs / READERS[name].needs[0]).mkdir()
+    found = run_step(READERS[name](robot="robot", options=OPTIONS), inputs, tmp_path / "out")
+    assert [finding.rule for finding in found] == ["equal.unreadable"]
+
+
 ONLY_OF_MESHES = frozenset(
     {"triangles", "area", "volume", "mean corner", "corner moments", "texture corners", "texture",
      "normals"}

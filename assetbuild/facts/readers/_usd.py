@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from assetbuild.facts.reference import Reference, pose_value, robot_table, simul
 from assetbuild.facts.table import Table, Value
 from assetbuild.facts.vocabulary import MUJOCO_OPTIONS
 from assetbuild.findings import Finding, Rule
+from assetbuild.plugin_types import RecipeView
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -144,9 +145,14 @@ class UsdSceneReader(Reader):
         **dict.fromkeys(MUJOCO_OPTIONS, "MuJoCo's own"),
     }  # fmt: skip
 
+    @classmethod
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """None for a robot that is called as the scene: it has none."""
+        return super().values(recipe) if recipe.value("robot") != "scene" else None
+
     def file(self, root: Path, robot: str) -> Path | None:
         """`scene.usda`; a robot of that name has none."""
-        return root / "scene.usda" if robot != "scene" else None
+        return super().file(root, robot) if robot != "scene" else None
 
     def read(self, path: Path) -> Table:
         """The facts of the scene; a prim that refers to another file is the robot.
