@@ -261,12 +261,17 @@ def _findings(before: Side, after: Side) -> Iterator[Change]:
 
 
 def _figures(before: Side, after: Side) -> Iterator[Change]:
-    """Figures of checks that both have and that changed by more than noise."""
+    """Of each check that both have, the figure that changed most, where that is more than noise."""
+    changed: dict[str, list[tuple[float, str, str, str]]] = {}
     for path, old in before.figures.items():
         new = after.figures.get(path)
         if new is not None and not math.isclose(old, new, rel_tol=NOISE, abs_tol=1e-9):
             check, _, figure = path.partition(".")
-            yield Change("LOW", (f"check {check}",), figure, f"{old:.4g}", f"{new:.4g}")
+            share = abs(new - old) / max(abs(old), abs(new))
+            changed.setdefault(check, []).append((share, figure, f"{old:.4g}", f"{new:.4g}"))
+    for check, rows in changed.items():
+        note = f"most of {len(rows)} figures" if len(rows) > 1 else ""
+        yield Change("LOW", (f"check {check}",), *max(rows)[1:], note)
 
 
 # --- files ----------------------------------------------------------------------------------
