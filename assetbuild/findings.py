@@ -168,7 +168,7 @@ class Rule:
 
 
 def steady(value: T) -> T:
-    """Without the digits that differ between CPUs: 12 significant ones.
+    """Leave out the digits that differ between CPUs: 12 significant ones stay.
 
     Of several numbers, those of the largest: what cancels to nearly nothing beside it is zero.
     """
@@ -188,7 +188,7 @@ def known(value: T) -> T | None:
 
 
 def rounded(value: float, limit: float) -> float:
-    """To a thousandth of the power of ten below `limit`, if it is one; no negative zero."""
+    """Round to a thousandth of the power of ten below `limit`, if it is one; no negative zero."""
     if not (isfinite(value) and isfinite(limit) and limit > 0.0):
         return value
     return round(value, 3 - floor(log10(limit))) + 0.0

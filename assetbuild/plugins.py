@@ -126,7 +126,7 @@ def _foreign(group: str) -> Mapping[str, tuple[EntryPoint, ...]]:
 
 @functools.cache
 def _points() -> tuple[EntryPoint, ...]:
-    """Of all distributions: reading them takes most of the time."""
+    """The entry points of all distributions: reading them takes most of the time."""
     points = entry_points()
     return tuple(point for group in points.groups for point in points.select(group=group))
 

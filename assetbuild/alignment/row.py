@@ -49,7 +49,7 @@ class Row:
 
     @property
     def verdict(self) -> Literal["ok", "warning", "error", "told"]:
-        """By the two limits; what is not a number is over both."""
+        """Judge it by the two limits; what is not a number is over both."""
         if self.off is None or (self.warn == math.inf and not math.isnan(self.off)):
             return "told"
         if not self.off <= self.error and not self.because:
@@ -57,7 +57,7 @@ class Row:
         return "ok" if self.off <= self.warn else "warning"
 
     def shown(self, engine: str) -> dict[str, object]:
-        """For the figures, under the name of the other engine: no NaN, which JSON lacks."""
+        """Return the figures, under the name of the other engine: no NaN, which JSON lacks."""
         off = None if self.off is None else known(rounded(self.off, self.warn))
         values = {"mujoco": known(self.mujoco), engine.lower(): known(self.theirs), "off": off}
         head = {"rank": self.rank, "row": self.name, "of": self.subject}

@@ -97,7 +97,7 @@ class Loops(LoopCheck, MujocoCheck):
 
 
 class Slope(SlopeCheck, MujocoCheck):
-    """In the full model and the mjx file."""
+    """The slope in the full model and in the mjx file."""
 
     own_name = "slope"
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
@@ -106,12 +106,12 @@ class Slope(SlopeCheck, MujocoCheck):
     creeps: ClassVar[Rule] = CREEP
 
     def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Sliding | str:
-        """In MuJoCo, whose ground tilts while the robot stands on it."""
+        """Slide in MuJoCo, whose ground tilts while the robot stands on it."""
         return creep(servoed(model, robot.control), self.wish.share, self.wish.speed)
 
 
 class Gripping(GripCheck, MujocoCheck):
-    """In the full model and in the mjx file; with the forces of both sides in N."""
+    """Grips in the full model and in the mjx file, with the forces of both sides in N."""
 
     own_name = "grip"
     also: ClassVar[tuple[str, ...]] = ("mjx",)
@@ -122,5 +122,5 @@ class Gripping(GripCheck, MujocoCheck):
     def grips(
         self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]
     ) -> Sequence[Grip]:
-        """In MuJoCo."""
+        """Try all grips in MuJoCo."""
         return [grip(model, hand, place, mass) for place, mass in tries]

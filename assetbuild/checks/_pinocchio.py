@@ -54,7 +54,7 @@ BASE = 6
 
 
 class Oracle(mujoco.WithMujoco):
-    """At random poses kinematics, mass matrix and gravity, by two libraries.
+    """Kinematics, mass matrix and gravity at random poses, by two libraries.
 
     Errors are relative. Kinematics: entries of 4 x 4 poses against max(1, largest |entry|), metres
     and direction cosines, of every source link (merged ones through the robot's frames, and the

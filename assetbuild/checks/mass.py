@@ -281,7 +281,7 @@ def _filled(body: Body, hulls: Hulls) -> Filled | None:
 
 
 def _angle(stated: Array, even: Array) -> float | None:
-    """Between the axes of least moment; None where one of the two has no long direction."""
+    """The angle between the axes of least moment; None where one has no long direction."""
     axes = []
     for tensor in (stated, even):
         moments, vectors = np.linalg.eigh(tensor)

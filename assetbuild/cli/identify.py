@@ -218,7 +218,7 @@ def _spans(text: str) -> list[tuple[int, int, str]]:
 
 
 def _without_tail(text: str) -> str:
-    """Without comments and empty lines at its end."""
+    """Cut comments and empty lines off its end."""
     lines = text.rstrip().split("\n")
     while len(lines) > 1 and lines[-1].lstrip().startswith("#"):
         lines.pop()

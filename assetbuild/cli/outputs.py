@@ -130,7 +130,7 @@ def _cases(outcome: Outcome) -> Iterator[Case]:
 
 
 def _printable(text: str) -> str:
-    """Without what XML 1.0 cannot hold."""
+    """Leave out what XML 1.0 cannot hold."""
     return "".join(c for c in text if c in "\t\n" or (c >= " " and not "\ud800" <= c <= "\udfff"))
 
 

@@ -19,7 +19,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override] # typeshed has overloads by `namespace`
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """As argparse, but no argument is left over: the parser of a verb is the one to say so."""
+        """Parse as argparse does, but leave no argument over: the parser of a verb is to say so."""
         parsed, left = super().parse_known_args(args, namespace)
         for word in left:
             if not word.startswith("-"):

@@ -56,7 +56,7 @@ def to_json(graph: Graph) -> str:
 
 
 def to_dot(graph: Graph) -> str:
-    """For Graphviz; sources are boxes."""
+    """Write the graph for Graphviz; sources are boxes."""
     lines = ["digraph assetbuild {", "  rankdir=LR;"]
     for label, node in graph.nodes.items():
         lines.append(f"  {json.dumps(label)};")

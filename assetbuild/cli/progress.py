@@ -67,7 +67,7 @@ class Progress:
         return f"[{event.done}/{event.total if event.whole else '?'}]"
 
     def _say_expected(self) -> None:
-        """Once, when all steps are known and the first of them ran."""
+        """Print it once, when all steps are known and the first of them ran."""
         left = self._forecast.left_s({})
         if self._whole and not self._expected_said and left >= WORTH_SAYING_S:
             self._expected_said = True
@@ -89,7 +89,7 @@ def progress(name: str) -> Iterator[Progress]:
 def at_work(
     loaded: LoadedRecipe, arguments: argparse.Namespace
 ) -> Iterator[tuple[Opened, Progress]]:
-    """For verbs that build something of their own. arguments: also its jobs and cache."""
+    """Open a build for verbs that have one of their own. arguments: also its jobs and cache."""
     with progress(arguments.recipe.name) as shown:
         remote = remote_cache(arguments.remote, shown.say, write=arguments.cache_write)
         lock = pin(loaded, frozen=False, say=shown.say)

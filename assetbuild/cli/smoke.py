@@ -54,7 +54,7 @@ def _agreed(lines: Sequence[str], yes: bool) -> bool:
 
 
 def environments_to_make(consumers: Sequence[str]) -> list[str]:
-    """For each environment that is missing: what is downloaded, and where it goes."""
+    """Tell of each missing environment what is downloaded, and where it goes."""
     homes = [(consumer, check_of(consumer).home) for consumer in consumers]
     return [
         f"{name} needs an environment of its own, made once: {home.size or 'size unknown'}, "

@@ -19,7 +19,7 @@ PAUSE_S = 0.25
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Until Ctrl-C: then 0 if it waits, 130 if it builds."""
+    """Watch until Ctrl-C: then 0 if it waits, 130 if it builds."""
     requests = requests_of(arguments)
     while True:
         world, began_ns = World(), time.time_ns()
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _wait(lines: list[str]) -> None:
-    """Until an answer changes, and then until all is quiet: editors save several files in a row."""
+    """Wait for a changed answer, then until all is quiet: editors save several files in a row."""
     changed: list[str] = []
     while not changed:
         time.sleep(PAUSE_S)

@@ -199,7 +199,7 @@ class Auto(LibraryMethod):
         return self._smallest(reference, tipped, "cuts")
 
     def _by_coacd(self, reference: Reference, view: _View) -> _Candidate | None:
-        """Only for meshes that CoACD need not remesh, which inflates them and takes minutes."""
+        """Try CoACD on meshes that it need not remesh, which inflates them and takes minutes."""
         too_large = len(reference.mesh.faces) > COACD_FACES
         if reference.exact is None or too_large or reference.convexity < THIN:
             return None
@@ -270,7 +270,7 @@ class Auto(LibraryMethod):
         return best
 
     def within_caps(self, hull: TriangleMesh) -> ConvexPiece:
-        """As everywhere; a piece that the caps made smaller gets its volume back."""
+        """Cap it as everywhere; a piece that the caps made smaller gets its volume back."""
         return _restored(super().within_caps(hull), hull)
 
     def _judged(

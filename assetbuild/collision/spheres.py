@@ -47,7 +47,7 @@ class Spheres(CollisionMethod):
 
 
 def covering_spheres(reference: Reference, most: int, beyond: float) -> tuple[ConvexPiece, ...]:
-    """At most so many spheres that cover a mesh, in its frame, rounded to a micrometre.
+    """Cover a mesh with at most so many spheres, in its frame, rounded to a micrometre.
 
     beyond: how far one may stick out, m; volume outside of the mesh counts against it.
     """

@@ -281,7 +281,7 @@ def pose_of(rows: Iterable[Row[float]]) -> dict[str, float]:
 
 
 def _part_pose(base: Member, part: Member, name: str) -> Iterator[Row[float]]:
-    """As `home` of its row in `compose` says, else as its own keyframe of that name or `home`."""
+    """The pose that `home` of its row says, else its own keyframe of that name or `home`."""
     first: set[str] = set()
     if name == HOME and part.part:
         said_by_base = replace(part, loaded=base.loaded)

@@ -63,7 +63,7 @@ class KeepRatings(Step):
     outputs = ("ratings.json",)
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Only `RATINGS` of the actuators are kept."""
+        """Keep only `RATINGS` of the actuators."""
         robot = RobotFiles(files.inputs)
         control = robot.control
         mimics: tuple[LoopMimic, ...] = ()

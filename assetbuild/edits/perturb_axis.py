@@ -22,7 +22,7 @@ PERTURB_AXIS = Rule(
 
 
 class PerturbAxis(JointEdit):
-    """For runtimes that treat an axis along x, y or z of its body as a special case.
+    """Axes are turned a little, for runtimes to which one along x, y or z is a special case.
 
     Only axes that are parallel to one are turned; the others stay as they are.
     """

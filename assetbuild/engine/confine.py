@@ -122,7 +122,7 @@ _CLONE_NEWUSER, _CLONE_NEWNET = 0x10000000, 0x40000000
 
 
 def confine(readable: Iterable[str]) -> bool:
-    """From now on this process may open only `readable` files and folders, and only to read.
+    """Let this process open only `readable` files and folders from now on, and only to read.
 
     No file is written, run or made; where the kernel knows how, nothing is sent either. Returns
     whether Landlock holds the files. It cannot be undone, and children inherit it.

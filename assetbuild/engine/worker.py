@@ -127,7 +127,7 @@ class Zygote:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def serve(self) -> NoReturn:
-        """Until the input ends."""
+        """Serve until the input ends."""
         while True:
             now = time.monotonic()
             nearest = min(
@@ -183,7 +183,7 @@ class Zygote:
             caller.close()
 
     def _become(self, request: dict[str, Any], parent: int, caller: socket.socket) -> NoReturn:
-        """In the fork: the step or the worker; Any: JSON."""
+        """Be the step or the worker, in the fork; Any: JSON."""
         try:
             os.setpgid(0, 0)
             signal.set_wakeup_fd(-1)

@@ -147,7 +147,7 @@ class Difference:
 
     @property
     def quantity(self) -> Quantity | None:
-        """As the vocabulary has it; None for a word of one format."""
+        """The row of the vocabulary; None for a word of one format."""
         return VOCABULARY.get((self.key.kind, self.key.quantity))
 
     @property
@@ -354,7 +354,7 @@ def value_text(value: Value, unit: str = "", digits: int = 6) -> str:
 
 
 def _digits(value: float, digits: int) -> str:
-    """At most so many; of 17 no more than tell it from all others."""
+    """Write at most so many; of 17 no more than tell it from all others."""
     return repr(value) if digits == 17 else f"{value:.{digits}g}"
 
 

@@ -217,7 +217,7 @@ DEFAULT_PRM = (1.0, *(0.0,) * 9)
 
 
 def drive_facts(joint: Joint, control: Control, names: Mapping[str, str]) -> dict[str, Value]:
-    """Where they differ from the robot's own. names: of the drives, by joint."""
+    """Facts of drives that differ from the robot's own. names: of the drives, by joint."""
     lower, upper = joint.limits.lower, joint.limits.upper
     opens = lower is not None and upper is not None and lower < upper
     locked = lower is not None and lower == upper and joint.kind != "continuous"

@@ -237,7 +237,7 @@ def _equality(bodies: Bodies, index: int, followers: set[str], table: Table) -> 
 
 
 def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
-    """Of two sites, or of two bodies with an anchor in each, and of a weld their relative turn."""
+    """Ends at two sites, or in two bodies with an anchor in each, and of a weld their turn."""
     model = bodies.model
     kind = LOOPS[int(model.eq_type[index])]
     data = tuple(float(v) for v in model.eq_data[index])
@@ -302,7 +302,7 @@ def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
 
 
 def _size(kind: str, half: object) -> tuple[float, ...]:
-    """As the vocabulary has it; MuJoCo counts half edges and half lengths."""
+    """The size as the vocabulary has it; MuJoCo counts half edges and half lengths."""
     a, b, c = numbers(half)
     match kind:
         case "box":

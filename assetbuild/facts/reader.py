@@ -112,7 +112,7 @@ class Reader(Check):
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """With the sections that it asks for."""
+        """Add the sections that it asks for."""
         values, options = super().values(recipe), stated_options(recipe, cls.recipe_sections)
         return None if values is None else values | {"options": options}
 

@@ -51,7 +51,7 @@ class Surface:
         return replace(self, mean=tuple((mean + shift).tolist()), moments=tensor_of(second))
 
     def facts(self) -> dict[str, Value]:
-        """By the names of the vocabulary."""
+        """Its facts, by the names of the vocabulary."""
         facts: dict[str, Value] = {
             "triangles": float(self.triangles),
             "area": (self.area,),

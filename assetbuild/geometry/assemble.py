@@ -118,7 +118,7 @@ class Assemble(Step):
 
 
 def called(made: list[Shape], source: str | None) -> list[Shape]:
-    """With the source's name where that is wanted, numbered from the second piece on.
+    """Give them the source's name where that is wanted, numbered from the second piece on.
 
     What ends in `_collision` goes on doing so: that is how configs of trainers find it.
     """

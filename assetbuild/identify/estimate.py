@@ -192,7 +192,7 @@ def _is_stale(expected: Array, change: Array, sigma: Array, otherwise: float) ->
 
 
 def _correct(problem: Problem, jacobian: Array, step: Array, missing: Array) -> None:
-    """In place: the smallest change of the effects with which they predict this step's."""
+    """Make, in place, the smallest change of the effects with which they predict this step's."""
     scaled = step * _size(problem, step) ** -2
     for channel in range(missing.shape[1]):
         indices = [p for p, part in enumerate(problem.parts) if channel in part]
@@ -213,7 +213,7 @@ def _scale(problem: Problem, theta: Array) -> Array:
 
 
 def _size(problem: Problem, theta: Array) -> Array:
-    """Of each parameter: its own or ten of its steps."""
+    """The size of each parameter: its own or ten of its steps."""
     size: Array = np.maximum(np.abs(theta), 10.0 * np.abs(problem.steps))
     return size
 
@@ -261,7 +261,7 @@ def _newton(
 def _walk(
     problem: Problem, theta: Array, step: Array, simulated: Array, sigma: Array
 ) -> tuple[Array, Array, bool]:
-    """As far along the step as the squares fall."""
+    """Go as far along the step as the squares fall."""
 
     now = _cost(problem, simulated, sigma)
     for share in (1.0, 0.3, 0.1, 0.03):

@@ -266,7 +266,7 @@ def _rest(model: Any, tree: Tree, control: Control) -> Array:  # Any: as above
 
 
 def _moved(model: Any, dof: Array) -> tuple[frozenset[int], ...]:  # Any: as above
-    """For each joint the joints that feel it: those beyond it, and those before it up to where the
+    """List for each joint those that feel it: joints beyond it, and before it up to where the
     branch forks. An arm also shakes the torso and by that the other arm, but that is little."""
     if model.neq or model.ntendon:
         return (frozenset(range(len(dof))),) * len(dof)

@@ -185,7 +185,7 @@ class ReadLog(Step):
 
 
 def _uniform(time: Array, values: Array, period: float, *, held: bool) -> Array:
-    """At each period from the first time on. held: a command, which lasts until the next.
+    """Sample at each period from the first time on. held: a command, which lasts until the next.
 
     Of a command that comes within a period, the mean over the period is taken: it has the same
     impulse, while the nearest tick would shift it.

@@ -129,7 +129,7 @@ def cutoff_hz(rate_hz: float) -> float:
 
 
 def smooth(values: Array, rate_hz: float) -> Array:
-    """Without what is faster than the joints move; no lag."""
+    """Remove what is faster than the joints move; no lag."""
     from scipy import signal
 
     cutoff = cutoff_hz(rate_hz)
@@ -188,7 +188,7 @@ class Record:
         return x[0], x[1]
 
     def from_rest(self) -> Record:
-        """Without a beginning in which the joints speed up: its state could not be read off."""
+        """Cut off a beginning in which the joints speed up: its state could not be read off."""
         rate = 1.0 / self.period_s
         within = max(1, min(int(QUIET_S * rate), len(self.position) // 4))
         q = smooth(self.position[: within + 2 * self.lead + int(0.5 * rate)], rate)

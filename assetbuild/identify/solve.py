@@ -171,7 +171,7 @@ def _in_steps(
     guess: Sequence[Drive],
     unknowns: Sequence[Unknown],
 ) -> Problem:
-    """With residuals of fine steps, s, and differences of twice as long ones."""
+    """The problem with residuals of fine steps, s, and differences of twice as long ones."""
     problem = make_problem(plant.in_steps(fine), records, guess, unknowns)
     if fine >= plant.longest_s:
         return problem
@@ -236,7 +236,7 @@ def _step(
     drives: Sequence[Drive],
     records: Sequence[Record],
 ) -> float:
-    """For differences: large enough for the solver's tolerance, small beside what matters."""
+    """A step for differences: large for the solver's tolerance, small beside what matters."""
     drive = drives[unknown.joints[0]]
     moved = np.concatenate(
         [r.position[:, unknown.joints[0]] - r.target[:, unknown.joints[0]] for r in records]
@@ -275,7 +275,7 @@ def clock_error(unknown: Unknown, drives: Sequence[Drive], has_torque: bool) -> 
 
 
 def _missed(unknown: Unknown, fit: Estimate, noise: Array) -> str:
-    """By how much the model misses the log, in words; "" where the noise explains it."""
+    """Say by how much the model misses the log; "" where the noise explains it."""
     ratio = fit.sigma / np.maximum(noise, 1e-12)
     worst = max(unknown.joints, key=lambda j: float(ratio[j]))
     if fit.sigma[worst] < MISSED * noise[worst]:

@@ -102,7 +102,7 @@ def _guesses(
     share: float | None = None,
     stated: bool = False,
 ) -> list[Drive]:
-    """By the regression; share: of the usual torque, a friction that is given.
+    """Guess by the regression. share: of the usual torque, a friction that is given.
 
     stated: with the table's armature, for a regression takes for armature what a joint does that
     slips; from an armature of 0 a fit may never leave a wrong friction.

@@ -83,7 +83,7 @@ class Leg:
 
     @property
     def length(self) -> float:
-        """From the first joint to the foot, stretched out, m."""
+        """Length from the first joint to the foot, stretched out, m."""
         ways = [joint.X_parent_joint.xyz for joint in self.joints[1:]]
         return math.fsum(math.hypot(*way) for way in (*ways, self.X_tip_foot.xyz))
 
@@ -184,7 +184,7 @@ def _is_small(tree: Tree, body: str) -> bool:
 
 
 def length_below(tree: Tree, body: str) -> float:
-    """From a body's origin to the furthest end of what hangs on it, stretched out; m."""
+    """Length from a body's origin to the furthest end of what hangs on it, stretched out; m."""
     longest, at = _own_length(tree, body), {body: 0.0}
     for joint in tree.joints:
         if joint.parent in at:

@@ -128,7 +128,7 @@ _YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 
 
 def some(names: Sequence[str]) -> str:
-    """At most six names and how many more, for a comment."""
+    """List at most six names and how many more, for a comment."""
     more = f" and {len(names) - 6} more" if len(names) > 6 else ""
     return plain(", ".join(names[:6]), 200) + more
 

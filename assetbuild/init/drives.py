@@ -288,7 +288,7 @@ def _felt(
     armature: Mapping[str, float],
     firmness: float,
 ) -> dict[str, _Felt]:
-    """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
+    """What each joint moves, by the mass matrix at home; feet carry the robot, where it has any.
 
     A leg's joint moves the leg's share of the robot at the leg's length.
     """

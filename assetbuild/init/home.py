@@ -208,7 +208,7 @@ class _Search:
     overlooked: Set[Pair]
 
     def best(self, others: Sequence[JointValues]) -> dict[str, float]:
-        """From the pose of rest; from the best of other poses where a build takes none from there,
+        """Search from the pose of rest; from the best of others where a build takes none of it,
         and then with as many joints at rest as may be.
         """
         from_rest = self.from_pose(self.rest)

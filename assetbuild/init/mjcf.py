@@ -78,7 +78,7 @@ class MjcfSource:
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
-    """By its root element; an XML that is something else is left to others."""
+    """Tell it by its root element; an XML that is something else is left to others."""
     start = data[:4096].lstrip()
     return file.suffix.lower() == ".xml" and b"<mujoco" in start and b"<robot" not in start
 

@@ -210,7 +210,7 @@ def _physical_efforts(
 
 
 def _twins(tree: Tree, parts: Mapping[str, Role]) -> dict[str, list[str]]:
-    """For each driven joint, those with the same mass at the same place of a limb, and itself."""
+    """List for each driven joint those of the same mass at the same place of a limb, and itself."""
     alike: dict[tuple[object, ...], list[str]] = {}
     for joint in tree.moving_joints:
         if joint.mimic is None:

@@ -81,7 +81,7 @@ def cut_parts(mesh: TriangleMesh, filling: Array, cell_m3: float, count: int) ->
 
 
 def tips(points: Array) -> Array:
-    """Of many points (n, 3) those that lie farthest in one of DIRECTIONS: nearly the whole hull."""
+    """Those of many points (n, 3) that lie farthest in one of DIRECTIONS: nearly the whole hull."""
     if len(points) <= DIRECTIONS:
         return points
     turn = np.arange(DIRECTIONS) * np.pi * (3.0 - 5.0**0.5)  # points of a Fibonacci sphere

@@ -76,7 +76,7 @@ class Distance:
 
     @classmethod
     def of(cls, there: Array, back: Array) -> Distance:
-        """From the distances of samples of each surface to the other, m."""
+        """Make it from the distances of samples of each surface to the other, m."""
         return cls(
             mean_m=float(there.mean() + back.mean()) / 2.0,
             p99_m=float(max(np.quantile(there, 0.99), np.quantile(back, 0.99))),

@@ -92,7 +92,7 @@ class _Triangles:
         return -(ay * bz - az * by) / safe, -(az * bx - ax * bz) / safe, normal
 
     def height(self, x: Array, y: Array, faces: Indices) -> Array:
-        """Of the triangles' planes at points of the picture, along the rays; m."""
+        """The height of the triangles' planes at points of the picture, along the rays; m."""
         along_x, along_y, _ = self.slopes
         apart_x, apart_y = x - self._x[faces, 0], y - self._y[faces, 0]
         height: Array = self._z[faces, 0] + along_x[faces] * apart_x + along_y[faces] * apart_y

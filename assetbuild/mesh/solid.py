@@ -58,7 +58,7 @@ class Solid:
         return np.asarray(votes >= needed)
 
     def _once(self, struck: Struck) -> Struck:
-        """Without the second of two surfaces in one place that face alike: a face drawn twice."""
+        """Drop the second of two surfaces in one place that face alike: a face drawn twice."""
         kept = np.ones(len(struck.ray), dtype=bool)
         for front in (False, True):
             mine = np.flatnonzero(struck.front == front)

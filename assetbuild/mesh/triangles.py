@@ -323,7 +323,7 @@ def first_seen(rows: Array) -> tuple[Indices, Indices]:
 
 
 def _grouped(rows: NDArray[np.uint64]) -> tuple[Indices, NDArray[np.bool_]]:
-    """As `in_order`, with equal rows side by side in no order that means anything: much quicker."""
+    """Put equal rows side by side, as `in_order` does, but in no order of meaning: much quicker."""
     keys = np.zeros(len(rows), dtype=np.uint64)
     for column in rows.T:
         keys = (keys ^ column) * MIXING
@@ -359,14 +359,14 @@ def weld(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def drop_collapsed(mesh: TriangleMesh) -> TriangleMesh:
-    """Without faces that use one vertex twice: they have no area and no direction."""
+    """Drop faces that use one vertex twice: they have no area and no direction."""
     a, b, c = mesh.faces.T
     kept = (a != b) & (b != c) & (c != a)
     return mesh if kept.all() else mesh.select(kept)
 
 
 def drop_repeated(mesh: TriangleMesh) -> TriangleMesh:
-    """Without faces that repeat an earlier face with the same winding."""
+    """Drop faces that repeat an earlier face with the same winding."""
     turned = np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)
     canonical = np.take_along_axis(mesh.faces, turned % 3, axis=1)
     first, _ = first_seen(canonical.astype(np.float64))

@@ -137,7 +137,7 @@ def _hindrance(kind: type[Target] | None, same_code: bool, lost: Sequence[str]) 
 
 
 def _edited_meshes(meshes: Mapping[str, Held], reference: Reference) -> Iterator[Finding]:
-    """Of meshes and pictures of which no copy is as it was built."""
+    """Report meshes and pictures of which no copy is as it was built."""
     for file, held in meshes.items():
         if not held.edited:
             continue

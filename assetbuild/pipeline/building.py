@@ -170,7 +170,7 @@ def check_of(consumer: str) -> type[ConsumerCheck]:
 
 
 def check_name(consumer: str) -> str:
-    """Of its check: one that trains nothing is called as it is."""
+    """The name of its check: one that trains nothing is called as it is."""
     name = f"{TRAINER_CHECKS}{consumer}"
     return name if name in plugin_names(Check) else consumer
 

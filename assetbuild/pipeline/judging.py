@@ -156,7 +156,7 @@ def _of_part(prefix: str, findings: Iterable[Finding]) -> Iterator[Finding]:
 
 
 def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> Callable[[str], str]:
-    """From a finding's subject to `file:line` of the source or of the recipe."""
+    """Find for a finding's subject its `file:line` in the source or the recipe."""
     outline, results = done.outline, done.results
     lines: dict[str, int | str] = {}  # text where an included file says it: `file:line`
     file = loaded.recipe.source.description

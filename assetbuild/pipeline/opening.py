@@ -84,7 +84,7 @@ class Opened:
 
 @contextmanager
 def opened(loaded: LoadedRecipe, remote: SharedCache | None = None) -> Iterator[Opened]:
-    """For verbs that only look."""
+    """Open a build for verbs that only look."""
     lock = pin(loaded, frozen=True, say=lambda _: None)
     with open_session(loaded, remote=remote) as session:
         yield Opened(loaded, lock, session)

@@ -112,7 +112,7 @@ def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) ->
 def _searched(
     policy: Policy, bot: Bot, network: Network, wish: Wish, fell_s: float
 ) -> Diagnosis | None:
-    """In MuJoCo, in shorter runs. fell_s: when it fell, 0 where it did not."""
+    """Search in MuJoCo, in shorter runs. fell_s: when it fell, 0 where it did not."""
     shorter = replace(wish, seconds=min(wish.seconds, max(SEARCH_S, fell_s + LONGER_S)))
 
     def attempt(changed: Policy) -> Replay:

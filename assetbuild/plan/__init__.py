@@ -125,7 +125,7 @@ def check_recipes(*recipes: LoadedRecipe) -> None:
 def _finished(
     recipe: Recipe, folder: Path, ready: Ready, outline: Outline, drawn: bool, p: Planner
 ) -> Outline:
-    """From the edited robot on."""
+    """Plan from the edited robot on."""
     read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
     tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])

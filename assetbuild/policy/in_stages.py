@@ -108,7 +108,7 @@ class InStages:
         self._folder.cleanup()
 
     def _work(self) -> None:
-        """In a thread of its own, until the engine's process has ended."""
+        """Work in a thread of its own, until the engine's process has ended."""
         try:
             done = self._perform(self._main, [self._experiment], 3600.0)[self._experiment.name]
             self._failure = done.failure
@@ -153,7 +153,7 @@ class InStages:
         )
 
     def drive(self, targets: Mapping[str, float], seconds: float) -> None:
-        """In whole steps of the bundle's timestep."""
+        """Drive in whole steps of the bundle's timestep."""
         steps = max(1, round(seconds / self._dt))
         self._talk.write(json.dumps({"targets": dict(targets), "steps": steps}) + "\n")
         self._talk.flush()

@@ -84,13 +84,13 @@ class Replay:
 
     @property
     def score(self) -> float:
-        """From 0 to `BEST`: the time that it stood, then how well it followed."""
+        """Between 0 and `BEST`: the time that it stood, then how well it followed."""
         stood = min(1.0, self.seconds / self.asked_s)
         return stood if self.fell else 1.0 + 1.0 / (1.0 + 4.0 * self.error)
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """How it went, in words."""
         if self.is_broken:
             return f"the network answers with NaN or inf after {self.seconds:.2f} s"
         if self.fell:

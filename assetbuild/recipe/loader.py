@@ -236,7 +236,7 @@ One = Callable[[Path, str | None], LoadedRecipe]
 
 
 def _with_parts(loaded: LoadedRecipe, load_one: One) -> LoadedRecipe:
-    """With the recipes of its parts; RecipeError for a part that has parts itself."""
+    """Load the recipes of its parts; RecipeError for a part that has parts itself."""
     parts: list[LoadedRecipe] = []
     wrong = Gather(RecipeError)
     for index, row in enumerate(loaded.recipe.compose):

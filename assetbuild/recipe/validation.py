@@ -100,7 +100,7 @@ def validated(
 
 
 def _telling(problems: list[_Problem], misnamed: Sequence[Misnamed]) -> Iterator[_Problem]:
-    """Without a key that is missing because it is spelt wrong, and what a wrong name causes."""
+    """Drop a key that is missing because it is spelt wrong, and what a wrong name causes."""
     spelt = {(p.key[:-1], p.hint) for p in problems if p.message == "unknown key"}
     for one in problems:
         if one.message.startswith("missing key"):

@@ -72,7 +72,7 @@ class Viewer(Step):
     preload = MESH_MODULES
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Without the library the page has no 3D view, and a finding says so."""
+        """Write the 3D view; without the library the page has none, and a finding says so."""
         robot = RobotFiles(files.inputs)
         meshes = shown_meshes(robot)
         library = three_js()

@@ -129,7 +129,7 @@ def read_json(bundle: Path, name: str) -> dict[str, Any]:  # Any: plain JSON
 
 
 def media_type(path: str) -> str:
-    """By the suffix; licence texts and the like are plain text."""
+    """Tell it by the suffix; licence texts and the like are plain text."""
     return _MEDIA_TYPES.get(PurePosixPath(path).suffix.lower(), "text/plain")
 
 
@@ -207,7 +207,7 @@ def same_provenance(one: bytes, other: bytes) -> bool:
 
 
 def _timeless(statement: bytes) -> object | None:
-    """Without `runDetails.metadata`; None when it is no provenance."""
+    """Leave out `runDetails.metadata`; None when it is no provenance."""
     try:
         content: dict[str, Any] = json.loads(statement)  # Any: JSON
         del content["predicate"]["runDetails"]["metadata"]

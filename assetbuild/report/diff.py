@@ -73,7 +73,7 @@ def _merged(changes: Sequence[Change]) -> Change:
 
 
 def diff_text(before: Side, after: Side, diff: Changes) -> str:
-    """For a terminal."""
+    """Write the changes for a terminal."""
     lines = [f"{before.name} -> {after.name}: {counts(diff)}"]
     for change in diff.rows:
         arrow = f"{change.before} -> {change.after}"
@@ -83,7 +83,7 @@ def diff_text(before: Side, after: Side, diff: Changes) -> str:
 
 
 def diff_markdown(before: Side, after: Side, diff: Changes) -> str:
-    """For a pull request."""
+    """Write the changes for a pull request."""
     rows = [
         (c.rank, _named(c.subjects), c.quantity, c.before, c.after, _remarks(c).strip(" ()"))
         for c in diff.rows
@@ -261,7 +261,7 @@ def _findings(before: Side, after: Side) -> Iterator[Change]:
 
 
 def _figures(before: Side, after: Side) -> Iterator[Change]:
-    """Of each check that both have, the figure that changed most, where that is more than noise."""
+    """Tell the figure of each check that changed most, where that is more than noise."""
     changed: dict[str, list[tuple[float, str, str, str]]] = {}
     for path, old in before.figures.items():
         new = after.figures.get(path)

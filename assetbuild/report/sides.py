@@ -102,7 +102,7 @@ def stages_of(folder: Path, path: str) -> tuple[Path, ...]:
 
 
 def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # Any: JSON
-    """With what the links were before merging, and the sections that say how files are written."""
+    """Add what the links were before merging, and the sections that say how files are written."""
     merged, links = robot_table(reference), robot_table(reference, merged=False)
     facts: dict[Key, Value] = {
         Key("link" if key.kind == "body" else f"link's {key.kind}", key.name, key.quantity): value
@@ -188,7 +188,7 @@ def _in_urdf(key: Key) -> bool:
 
 
 def _merged_urdf(path: Path) -> Table:
-    """As a build would read it: fixed joints merged, no recipe, so no drives."""
+    """Read it as a build would: fixed joints merged, no recipe, so no drives."""
     with scratch() as ports:
         ports.put("robot.urdf", data := path.read_bytes())
         ports.run(without_meshes(path, data, "floating"))

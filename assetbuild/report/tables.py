@@ -23,7 +23,7 @@ class Table:
 
     @cached_property
     def numbers(self) -> tuple[bool, ...]:
-        """For each column: whether it holds only numbers, which are aligned to the right."""
+        """Tell of each column whether it holds only numbers, which are aligned to the right."""
         return tuple(map(_all_numbers, zip(*self.rows, strict=True)))
 
 

@@ -161,7 +161,7 @@ def _blocked(
 
 
 def _formats(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> Formats:
-    """By the rules `equal.<format>.<quantity>`, waived ones included."""
+    """Judge formats by the rules `equal.<format>.<quantity>`, waived ones included."""
     equality = [f for f in findings if f.rule.startswith("equal.")]
     unreadable = [f for f in equality if f.rule.endswith(".load")]
     different = [f for f in equality if f not in unreadable]

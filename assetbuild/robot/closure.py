@@ -183,7 +183,7 @@ def free_motions(loops: Sequence[Loop], bodies: Mapping[str, Motion]) -> Array:
 def locked_joints(
     tree: Tree, loops: Sequence[Loop], q: Mapping[str, float], joints: Collection[str]
 ) -> tuple[str, ...]:
-    """Of `joints`, those that the loops keep from moving, q and wherever they lead from there.
+    """Those of `joints` that the loops keep from moving, at q and wherever they lead from there.
 
     A crank at its dead centre stands still for a moment, so each free motion is followed a little.
     """

@@ -136,7 +136,7 @@ def _least_felt(tree: Tree) -> dict[str, float]:
 
 
 def reach_of(inertial: Inertial, extent: Extent) -> float:
-    """From the centre of mass to the farthest point of the shapes, m."""
+    """Distance from the centre of mass to the farthest point of the shapes, m."""
     return float(np.linalg.norm(extent.points - np.asarray(inertial.com_m), axis=1).max())
 
 

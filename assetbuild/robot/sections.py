@@ -19,7 +19,7 @@ Line = Annotated[
 
 
 class About(Model):
-    """For the model card and for the metadata of the USD; what is not stated is left out."""
+    """Words for the model card and the metadata of the USD; what is not stated is left out."""
 
     author: Line | None = Field(None, description="who wrote the description: people or a company")
     vendor: Line | None = Field(None, description="who makes the robot itself")

@@ -98,14 +98,14 @@ class Placed:
 
 @dataclass(frozen=True)
 class SourceShape(Placed):
-    """As the source describes it, edits included: what the build has not converted yet."""
+    """A shape as the source describes it, edits included: the build has not converted it yet."""
 
     geometry: SourceGeometry
 
 
 @dataclass(frozen=True)
 class Shape(Placed):
-    """As `assemble` writes it, and as all targets and checks read it."""
+    """A shape as `assemble` writes it, and as all targets and checks read it."""
 
     geometry: Geometry
 

@@ -200,7 +200,7 @@ def softened(
 def _ours(
     held: Iterable[tuple[str, Softness]], control: Control, sides: Sequence[Side], section: str
 ) -> Iterator[tuple[str, Softness]]:
-    """Without joints whose softness an MJCF source decides."""
+    """Leave out joints whose softness an MJCF source decides."""
     words = [item for item in control.mjcf_only if item.place == PLACES[section]]
     stated = {i.owner for i in words if "solref" in i.element or "solimp" in i.element}
     for joint, soft in held:

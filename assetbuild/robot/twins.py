@@ -108,7 +108,7 @@ def _is_opposite(one: Part, other: Part, axis: int, tolerance_m: float) -> bool:
 
 
 def _named(parts: Sequence[Part]) -> list[tuple[Part, Part]]:
-    """By the body's name, or by that of its joint."""
+    """Pair them by the body's name, or by that of its joint."""
     bodies = {part.name: part for part in parts}
     joints = {part.joint.name: part for part in parts if part.joint}
     pairs = []

@@ -67,7 +67,7 @@ class Environment:
     def ask(
         self, program: Path, job: dict[str, object], folder: Path, seconds: float
     ) -> tuple[dict[str, object] | None, str]:
-        """As `children.ask`, with its Python; what it compiles is kept beside the environment."""
+        """Ask as `children.ask`, by its Python; what that compiles lies beside the environment."""
         python = self.python(World())
         if python is None:
             return None, f"{self.name} is not installed"
@@ -178,7 +178,7 @@ class ConsumerCheck(Check):
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """With the name of its environment, which holds the digest of its requirements."""
+        """Add the name of its environment, which holds the digest of its requirements."""
         fields = super().values(recipe)
         return None if fields is None else fields | {"environment": cls.home.folder.name}
 

@@ -64,7 +64,7 @@ class GripCheck(SimulatorCheck):
 
     @classmethod
     def configure(cls, recipe: RecipeView) -> Self | None:
-        """Only where a recipe asks for it."""
+        """Make it only where a recipe asks for it."""
         return super().configure(recipe) if recipe.value("validate.grip") else None
 
     @property

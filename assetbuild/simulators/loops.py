@@ -168,7 +168,7 @@ class LoopCheck(SimulatorCheck):
 
     @classmethod
     def configure(cls, recipe: RecipeView) -> Self | None:
-        """Only for a robot that may have loops: by its recipe, its parts or its MJCF."""
+        """Make it only for a robot that may have loops: by its recipe, its parts or its MJCF."""
         asked = any(map(recipe.value, SOURCES))
         return super().configure(recipe) if asked else None
 

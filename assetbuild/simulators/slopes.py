@@ -101,7 +101,7 @@ class SlopeCheck(SimulatorCheck):
 
 
 def _speed(motion: Motion | None, down: np.ndarray) -> float:
-    """Of the root down the slope, m/s; infinite where the robot fell or went to infinity."""
+    """Speed of the root down the slope, m/s; infinite where the robot fell or went to infinity."""
     if motion is None or not motion.finite:
         return math.inf
     _, x, y, _ = motion.turn[-1]

@@ -143,7 +143,7 @@ class Mjx(Target):
         return tuple(dict.fromkeys(out.values())), replace(shapes, shapes=kept, meshes=meshes)
 
     def _masked(self, control: Control, shapes: Shapes) -> Control:
-        """Without self-collision no shape of the robot looks for another: contype 0."""
+        """Set contype 0 without self-collision: no shape of the robot looks for another."""
         names = {shape.name for shape in shapes.of("collision")}
         contacts = tuple((n, self._cheap(c)) for n, c in control.contacts if n in names)
         sensors = tuple(s for s in control.sensors if s.at.kind != "shape" or s.at.name in names)

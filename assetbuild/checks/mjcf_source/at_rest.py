@@ -51,7 +51,7 @@ class Side:
 
 
 class _InRoot(Bodies):
-    """In the frame of the root, and by the name of the body that carries the joints above it."""
+    """A thing in the frame of the root, by the body that carries the joints above it."""
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)

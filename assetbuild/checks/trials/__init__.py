@@ -143,7 +143,7 @@ class Trials(mujoco.InMujoco):
             yield rules.MEMORY("robot", error.message)
 
     def dangers(self, model: mujoco.Model) -> Iterator[Finding]:
-        """Only what can be an error wherever the robot stands: for a recipe being proposed."""
+        """Yield what can be an error wherever the robot stands: for a recipe being proposed."""
         figures: dict[str, object] = {}
         yield from self._drives(model, figures)
         yield from self._shaken(model, figures)

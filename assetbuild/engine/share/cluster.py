@@ -186,7 +186,7 @@ def _place(address: str) -> tuple[Session, Remote, Processes]:
 
 
 def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
-    """From this store, from the shared cache, or freshly run. AssetBuildError.
+    """Take it from this store or the shared cache, or run it. AssetBuildError.
 
     The machine that plans looks after sources, and holds the turn of the action. Nothing is taken
     for granted that an earlier action saw: this process may have run for a week.

@@ -118,7 +118,7 @@ class Remote:
 
     @property
     def address(self) -> str:
-        """Without credentials."""
+        """The address without credentials."""
         return self._place.name
 
     def get(self, key: str, store: Store, *, again: bool = False) -> Made | None:

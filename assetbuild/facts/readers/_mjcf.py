@@ -228,7 +228,7 @@ class MjxFacts(MjcfReader):
     solver = "mjx"
 
     def robot_of(self, reference: Reference) -> Reference:
-        """Only the links of `touching` collide; without self-collision only with the world."""
+        """Let only the links of `touching` collide; without self-collision only with the world."""
         settings = {**DEFAULTS, **(reference.options.get("mjx") or {})}
         options = {**reference.options, "mjx": settings}
         touching, most = settings.get("touching", ".*"), settings.get("condim")

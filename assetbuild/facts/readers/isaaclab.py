@@ -112,7 +112,7 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
 
 
 def _generation(record: Record, config: Record) -> Generation:
-    """Only 3.x has packages for each engine, and limits of joints beside those of actuators."""
+    """Tell 3.x by its packages for each engine, and limits of joints beside those of actuators."""
     fields = {field for drive, _ in drives_of(config) for field in drive}
     is_3 = any(module.startswith(ONLY_3) for module in record["imports"])
     return 3 if is_3 or {"joint_effort_limit", "joint_velocity_limit"} & fields else 2

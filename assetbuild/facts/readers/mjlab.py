@@ -104,7 +104,7 @@ class MjlabReader(Reader):
 
 
 def _table(path: Path, bodies: Names, joints: Names) -> Table:
-    """Of the velocity task where there is one, else of the robot alone."""
+    """Read the velocity task where there is one, else the robot alone."""
     facts, record = Table(), recorded(path, CALLS)
     task = record.get("velocity_flat_cfg()")
     robot, terms = record["robot_cfg()"], record.get("randomize_events()")

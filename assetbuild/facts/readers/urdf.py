@@ -235,7 +235,7 @@ class UrdfFile:
         return facts | {"urdf:missing mesh": name}
 
     def _surface(self, name: str) -> Surface:
-        """In the frame of the file, whose lines about looks come before the robot's own mesh."""
+        """Its surface, in the frame of the file, whose lines about looks precede the mesh."""
         if name not in self._surfaces:
             data = (self._path.parent / name).read_bytes()
             while data.startswith((b"mtllib ", b"usemtl ")):

@@ -41,7 +41,7 @@ class Xrdf(Reader):
         return facts.plain()
 
     def expected(self, reference: Reference) -> Table:
-        """From the section `xrdf` of the recipe; a joint that follows another has no place."""
+        """Expect what the section `xrdf` says; a joint that follows another has no place."""
         options, facts = reference.options.get("xrdf") or {}, Table()
         pose = dict(start_of(reference.tree, reference.control).joints)
         leading = [joint.name for joint in reference.tree.moving_joints if joint.mimic is None]

@@ -141,7 +141,7 @@ def load(
 
 
 def _without_folder(text: str, path: Path) -> str:
-    """In one line without absolute paths, nor what it adds about visual shapes that we left out."""
+    """Put it in one line without absolute paths, nor words about visual shapes that we left out."""
     text = re.sub(r"The visual elements of the spec were discarded[^.]*\.", "", text)
     plain = text.replace(f"{path.parent.resolve()}/", "").replace(f"{path.parent}/", "")
     return " ".join(plain.split())

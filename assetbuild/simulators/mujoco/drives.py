@@ -69,7 +69,7 @@ class Drive:
         return (self.kp * position - self.constant) / self.gain
 
     def command_step(self, turn: float) -> float:
-        """By how much the command changes that asks for `turn` more of the position."""
+        """The change of the command that asks for `turn` more of the position."""
         return self.kp * turn / self.gain
 
     def target(self, command: float) -> float:

@@ -158,7 +158,7 @@ class World:
         return {path: float(values[0]) for path, values in rows.items()}
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
-        """By path and in PhysX's unit, from our names and SI; of joints that PhysX knows."""
+        """Values by path, in PhysX's unit, from our names and SI; of joints that PhysX knows."""
         return {
             self.joint_paths[name]: value / self.unit[self.joint_paths[name]]
             for name, value in values.items()
@@ -268,7 +268,7 @@ class World:
         return root, centre, joints, self.pose
 
     def pose(self, name: str) -> list[float]:
-        """Of a link, or of the object."""
+        """The pose of a link, or of the object."""
         if name == _moving.OBJECT:
             return self.poses(self.kinds.RIGID_BODY, "position", "orientation")[name]
         links = self.poses(self.kinds.ARTICULATION_LINK, "position", "orientation")

@@ -313,7 +313,7 @@ def _range(model: Model, what: str, index: int) -> tuple[float, float] | None:
 
 
 def _trimmed(values: Any) -> tuple[float, ...]:  # Any: a row of the model
-    """Without the zeros at its end, at least one number."""
+    """Drop the zeros at its end; at least one number stays."""
     kept = [float(v) for v in values]
     while len(kept) > 1 and kept[-1] == 0.0:
         kept.pop()

@@ -161,7 +161,7 @@ def _resolved(root: Element) -> Element:
 
 
 def _meshes(root: Element) -> list[dict[str, object]]:
-    """As `read_urdf` lists them: the first use of each mesh file, by path."""
+    """List them as `read_urdf` does: the first use of each mesh file, by path."""
     entries: dict[str, dict[str, object]] = {}
     for mesh in root.iterfind("asset/mesh"):
         path, where = str(mesh.get("file")), where_of(mesh)
@@ -239,7 +239,7 @@ def _name(wanted: Mapping[Element, str]) -> None:
 
 
 def _acting_name(element: Element, section: str) -> str:
-    """After what it acts on or looks at: `FR_hip_joint`, `imu_gyro`."""
+    """Call it after what it acts on or looks at: `FR_hip_joint`, `imu_gyro`."""
     for key in ("joint", "tendon", "site", "objname", "body", "joint1", "body1"):
         if element.get(key):
             owner = str(element.get(key))

@@ -214,7 +214,7 @@ def _joint(links: Links, element: Element) -> dict[str, str]:
 
 
 def _ball(joint: Any, attributes: Mapping[str, str]) -> dict[str, str]:  # Any: of the model
-    """As compiled, but for polynomials, which stand as they are."""
+    """Take it as compiled, but for polynomials, which stand as they are."""
     more = leftover(attributes, JOINT | {"springref"})
     for key in ("damping", "frictionloss", "armature", "stiffness"):
         if len(more.get(key, "").split()) <= 1:

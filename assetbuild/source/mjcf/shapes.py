@@ -180,7 +180,7 @@ class Geoms:
         return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
-        """As MuJoCo draws it: the geom's own colour unless that is the default."""
+        """The colour that MuJoCo draws: the geom's own unless that is the default."""
         rgba, material = _rgba(self.model.geom_rgba[index]), int(self.model.geom_matid[index])
         return (
             rgba if material < 0 or rgba != DEFAULT_RGBA else _rgba(self.model.mat_rgba[material])
@@ -224,7 +224,7 @@ class Geoms:
 
 
 def _rgba(values: Any) -> tuple[float, float, float, float]:  # Any: a row of the model
-    """As the source states it, without the noise of single precision."""
+    """The colour that the source states, without the noise of single precision."""
     r, g, b, a = (round(float(v), 7) for v in values)
     return (r, g, b, a)
 

@@ -72,7 +72,7 @@ class Paths:
         return kind, assumption, normal
 
     def _followed(self, node: Node, uri: str) -> tuple[str, str, str]:
-        """As `_meaning`, not normalised."""
+        """The same as `_meaning`, not normalised."""
         match = _SCHEME.match(uri)
         scheme = match[1] if match else ""
         if scheme in ("package", "model"):

@@ -241,7 +241,7 @@ def _separated(node: Node) -> Iterator[Taken]:
 
 
 def _incomplete(inertial: Node) -> Iterator[Taken]:
-    """Without a mass there is no <inertial>; without a moment the tensor is 0."""
+    """Drop an <inertial> without a mass; without a moment the tensor is 0."""
     mass, tensor, at = inertial.only("mass"), inertial.only("inertia"), f"line {inertial.line}"
     if mass is None or mass.get("value") is None:
         inertial.remove()

@@ -145,7 +145,7 @@ class Mjlab(Target):
         return [s for s in solid if self.feet and re.fullmatch(self.feet, s.link)]
 
     def _bare(self, tree: Tree, control: Control, imu_site: str) -> Control:
-        """Without drives; what the module states for driven joints is not in the XML too."""
+        """Leave out drives; what the module states for driven joints is not in the XML too."""
         drives = tuple(
             a if a.model == "passive" else Actuator(a.joint, "passive") for a in control.actuators
         )

@@ -69,7 +69,7 @@ class Usd(Target):
 
 @contextmanager
 def plain_environment() -> Iterator[None]:
-    """Without the variables that change the bytes of a layer; they come back afterwards."""
+    """Take away the variables that change the bytes of a layer; they come back afterwards."""
     kept = {name: os.environ.pop(name) for name in _ENVIRONMENT if name in os.environ}
     try:
         yield
