@@ -226,6 +226,8 @@ SAID_BY_OTHERS = frozenset({"ctx", "kind"})
 """Fields that say nothing: whether a name is read or written follows from where it stands, and
 `u"a"` is `"a"`."""
 STATED = "BEYOND_IMPORTS"
+_PARSER = threading.Lock()
+"""Python 3.11 counts the depth of all threads' trees together and fails where two parse at once."""
 VERSION = "__version__"
 MUST = "!"
 """In the place of an imported name: the constant names the module or file, so it must be there."""
@@ -244,7 +246,9 @@ def _read(name: str, path: str) -> list[str]:
     package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
     leading: list[ast.stmt] = []
     try:
-        text = _text(ast.parse(data), leading)
+        with _PARSER:
+            tree = ast.parse(data)
+        text = _text(tree, leading)
     except (SyntaxError, ValueError, RecursionError):
         return [digest_bytes(data)]
     imports: dict[str, None] = {}

@@ -6,6 +6,7 @@ import importlib
 import itertools
 import json
 import sys
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -343,6 +344,28 @@ def test_an_edit_while_a_step_runs_is_found(package):
     with pytest.raises(MachineError, match=r"weigh.py` was changed while a step ran"):
         code.check(step)
     assert Code().of(step) == code.of(step)  # this process has loaded the old code
+
+
+def test_threads_that_look_at_an_edited_file_parse_it_one_after_another(package, monkeypatch):
+    package.write("weigh.py", PLAIN)
+    package.look()
+    step = sys.modules[f"{package.name}.weigh"].Weigh
+    code = Code()
+    code.check(step)
+    package.write("weigh.py", "# only a comment\n" + PLAIN)
+    parse, inside, most = code_module.ast.parse, [], []
+
+    def slowly(data: bytes) -> object:
+        inside.append(data)
+        most.append(len(inside))
+        time.sleep(0.02)
+        inside.pop()
+        return parse(data)
+
+    monkeypatch.setattr(code_module.ast, "parse", slowly)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: code.check(step), range(4)))
+    assert most == [1, 1, 1, 1]
 
 
 def test_an_upgrade_while_a_step_runs_is_found(package, tmp_path):
