@@ -355,12 +355,12 @@ def test_threads_that_look_at_an_edited_file_parse_it_one_after_another(package,
     package.write("weigh.py", "# only a comment\n" + PLAIN)
     parse, inside, most = code_module.ast.parse, [], []
 
-    def slowly(data: bytes) -> object:
-        inside.append(data)
+    def slowly(*given: object) -> object:
+        inside.append(given)
         most.append(len(inside))
         time.sleep(0.02)
         inside.pop()
-        return parse(data)
+        return parse(*given)
 
     monkeypatch.setattr(code_module.ast, "parse", slowly)
     with ThreadPoolExecutor(4) as pool:
