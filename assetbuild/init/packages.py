@@ -83,11 +83,19 @@ def find_package(name: str, file: Path) -> Path | None:
     return Path(os.path.realpath(folders[0])) if len(folders) == 1 else None
 
 
+def folders_inside(package: Path, path: str) -> list[Path]:
+    """The folders of a package that hold a file: CMake may install what is in them one level up."""
+    here = sorted(package.iterdir()) if package.is_dir() else []
+    return [folder for folder in here if is_file(folder / path)]
+
+
 def _searched(name: str, inside: Uses, file: Path) -> Path:
     """The likeliest folder that holds the files; at last one above the URDF under another name."""
     node = inside[0][1]
     uri = (node.element.get("filename") or "").strip()
-    for folders in (*package_folders(name, file), *([folder] for folder in above(file))):
+    declaring = [*package_folders(name, file)]
+    inner = [folders_inside(here, inside[0][0]) for folders in declaring for here in folders]
+    for folders in (*declaring, *inner, *([folder] for folder in above(file))):
         # Under its name, or what that is percent-encoded from.
         named = {name for path, _ in inside for name in (path, unquote(path))}
         holding = [folder for folder in folders if any(is_file(folder / name) for name in named)]

@@ -28,6 +28,7 @@ from assetbuild.init.packages import (
     files_named,
     find_package,
     find_packages,
+    folders_inside,
     is_file,
     lacking,
     packages_below,
@@ -146,6 +147,7 @@ MOST_TRIES = 60
 """Packages that are asked for, one after another."""
 
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
+_MISSING = re.compile(r"no file `([^`]+)` among the readable files")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 
 Expanded = tuple[bytes, Mapping[str, Path], Mapping[str, str], tuple[str, ...]]
@@ -210,7 +212,7 @@ def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list
             absent.append(asked[1])
         else:
             folders[asked[1]] = folder
-    elif own := _own_package(error, file, folders):
+    elif own := _own_package(error, file, folders) or _inner_package(error, file, folders):
         folders |= own
     elif absent_package := _ABSENT.search(error.message):  # stated as missing by no recipe yet
         name = absent_package[1]
@@ -227,6 +229,18 @@ def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) ->
     here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
     known = here in folders.values() or name in folders
     return {name: here} if name and not known else {}
+
+
+def _inner_package(error: SourceError, file: Path, folders: Mapping[str, Path]) -> dict[str, Path]:
+    """The one folder of a package that holds what was looked for beside its `package.xml`."""
+    missing = _MISSING.search(error.message)
+    path = common_folder(file, folders.values(), []) / missing[1] if missing else file
+    for name, folder in folders.items():
+        if missing and path.is_relative_to(folder):
+            inner = folders_inside(folder, path.relative_to(folder).as_posix())
+            if len(inner) == 1:
+                return {name: inner[0]}
+    return {}
 
 
 def _defaults(files: list[Path]) -> dict[str, str]:

@@ -126,6 +126,17 @@ FOUND = {
         {"arm/package.xml": "<name>arm</name>", "arm/urdf/b.xacro": xacro(BODY)},
         {"packages": {"arm": "."}},
     ),
+    "a file that CMake installs beside the package.xml": (
+        "arm/description/urdf/arm.xacro",
+        xacro("<xacro:include filename='$(find arm)/c/b.xacro'/>"),
+        {"arm/package.xml": "<name>arm</name>", "arm/description/c/b.xacro": xacro(BODY)},
+        {"packages": {"arm": "."}, "xacro": "urdf/arm.xacro"},
+    ),
+    "a mesh that CMake installs beside the package.xml": (
+        "arm/model/urdf/arm.urdf", arm("package://arm/meshes/a.obj"),
+        {"arm/package.xml": "<name>arm</name>", "arm/model/meshes/a.obj": OBJ},
+        {"packages": {"arm": "."}, "urdf": "urdf/arm.urdf"},
+    ),
     "a package of which nothing is read": (
         "arm/arm.xacro",
         xacro(BODY + "<gazebo><plugin><p>$(find arm_control)/c.yaml</p></plugin></gazebo>"), {},
