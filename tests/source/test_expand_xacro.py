@@ -18,10 +18,10 @@ from assetbuild.source.urdf.expand_xacro import ExpandXacro
 
 CANARY = "canary-5f1c"
 ESCAPE = (
-    "[[c()._module.__builtins__ for c in ().__class__.__base__.__subclasses__() "
-    "if c.__name__ == 'catch_warnings'][0] for _ in [0]][0]"
+    "[*([*(c()._module.__builtins__ for c in ().__class__.__base__.__subclasses__() "
+    "if c.__name__ == 'catch_warnings')][0] for _ in [0])][0]"
 )
-"""Python's builtins, past xacro's own check, which does not look inside a comprehension."""
+"""Python's builtins, past xacro's own check, which does not look inside a generator."""
 
 
 def robot(body: str) -> str:
