@@ -85,8 +85,7 @@ def find_package(name: str, file: Path) -> Path | None:
 
 def folders_inside(package: Path, path: str) -> list[Path]:
     """The folders of a package that hold a file: CMake may install what is in them one level up."""
-    here = sorted(package.iterdir()) if package.is_dir() else []
-    return [folder for folder in here if is_file(folder / path)]
+    return [folder for folder in sorted(package.glob("*/")) if is_file(folder / path)]
 
 
 def _searched(name: str, inside: Uses, file: Path) -> Path:
