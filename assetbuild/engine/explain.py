@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Literal
 
 from assetbuild.engine.actions import Action, Parts, made_from_json, missing_output
 from assetbuild.engine.graph import Graph
+from assetbuild.engine.journal import Change
 from assetbuild.engine.session import Resolver, Session
 
 SHOWN_CHANGES = 12
-SHOWN_CHARACTERS = 60
 NAMED_PARTS = {
     "code": "code",
     "library": "libraries",
@@ -22,47 +21,6 @@ NAMED_PARTS = {
 }
 """Kind of change -> the part of a key that it is in, by name."""
 State = Literal["up to date", "would run", "waits"]
-
-
-@dataclass(frozen=True)
-class Change:
-    """One reason to run.
-
-    part: `first`, `step`, `code`, `library`, `kernel` (a variable that pins CPU kernels), `python`,
-        `field`, `input`, `outputs`, `platform`, `format`, `order` (of the entries in the fields),
-        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
-    name: of the module, library, variable, field, input or output. old, new: JSON data; None =
-        absent.
-    """
-
-    part: str
-    name: str = ""
-    old: object = None
-    new: object = None
-
-    def __str__(self) -> str:
-        match self.part:
-            case "first":
-                return "first build"
-            case "lost":
-                return f"output {self.name} is missing or corrupt in the store"
-            case "order":
-                return "the order of the entries in its fields"
-            case "forgotten":
-                return "the store does not hold its result"
-        name = f"{self.part} {self.name}" if self.name else self.part
-        if self.part in ("code", "input"):
-            if self.old is None:
-                return f"{name} is new"
-            if self.new is None:
-                return f"{name} is gone"
-            digests = f" ({str(self.old)[:8]} -> {str(self.new)[:8]})"
-            return f"{name} changed{digests if self.part == 'input' else ''}"
-        return f"{name}: {_value_text(self.old)} -> {_value_text(self.new)}"
-
-    def to_json(self) -> dict[str, object]:
-        """Plain data: part, name, old, new, text."""
-        return {**asdict(self), "text": str(self)}
 
 
 def changes_between(old: Parts | None, new: Parts) -> tuple[Change, ...]:
@@ -97,13 +55,6 @@ def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
             yield from _leaves(item, f"{path}[{index}]")
     elif path:
         yield path, value
-
-
-def _value_text(value: object) -> str:
-    if value is None:
-        return "nothing"
-    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
 
 
 def changes_text(changes: tuple[Change, ...]) -> str:
@@ -198,7 +149,7 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
         state=state,
         changes=changes,
         last_at=last.at,
-        last_changes=tuple(Change(**change) for change in last.why),
+        last_changes=last.why,
         causes={name: ref.node for name, ref in node.inputs.items() if ref.node},
         waits_for=waits,
     )

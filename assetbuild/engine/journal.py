@@ -10,17 +10,68 @@ import os
 import re
 import time
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+
+from pydantic import FiniteFloat, TypeAdapter
 
 from assetbuild.engine.actions import Parts
 from assetbuild.engine.digest import canonical_json, digest_bytes, replace_file
 
 JOURNAL_FORMAT = 4
+SHOWN_CHARACTERS = 60
+"""Of a value in a sentence."""
 TORN = (ValueError, LookupError, TypeError, AttributeError, RecursionError, zlib.error)
 """What a file that is torn or foreign can cause."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One reason to run.
+
+    part: `first`, `step`, `code`, `library`, `kernel` (a variable that pins CPU kernels), `python`,
+        `field`, `input`, `outputs`, `platform`, `format`, `order` (of the entries in the fields),
+        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
+    name: of the module, library, variable, field, input or output. old, new: JSON data; None =
+        absent.
+    """
+
+    part: str
+    name: str = ""
+    old: object = None
+    new: object = None
+
+    def __str__(self) -> str:
+        match self.part:
+            case "first":
+                return "first build"
+            case "lost":
+                return f"output {self.name} is missing or corrupt in the store"
+            case "order":
+                return "the order of the entries in its fields"
+            case "forgotten":
+                return "the store does not hold its result"
+        name = f"{self.part} {self.name}" if self.name else self.part
+        if self.part in ("code", "input"):
+            if self.old is None:
+                return f"{name} is new"
+            if self.new is None:
+                return f"{name} is gone"
+            digests = f" ({str(self.old)[:8]} -> {str(self.new)[:8]})"
+            return f"{name} changed{digests if self.part == 'input' else ''}"
+        return f"{name}: {_value_text(self.old)} -> {_value_text(self.new)}"
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data: part, name, old, new, text."""
+        return {**asdict(self), "text": str(self)}
+
+
+def _value_text(value: object) -> str:
+    if value is None:
+        return "nothing"
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
 
 
 @dataclass(frozen=True)
@@ -28,14 +79,14 @@ class Noted:
     """What is known of one step.
 
     parts: of its key, when it was last built or found in the store; None = never here.
-    at: when it last ran (UTC, ISO 8601), "" = never here; why: the fields of each `Change`.
+    at: when it last ran (UTC, ISO 8601), "" = never here; why: its reasons then.
     seconds: what it took then, of the processor, or a download by the clock.
     """
 
     parts: Parts | None = None
     at: str = ""
-    why: Sequence[Mapping[str, Any]] = ()  # Any: JSON
-    seconds: float | None = None
+    why: tuple[Change, ...] = ()
+    seconds: FiniteFloat | None = None
 
 
 class Journal:
@@ -60,7 +111,7 @@ class Journal:
         try:
             raw = json.loads(zlib.decompress(self._file(build).read_bytes()))
             if raw["format"] == JOURNAL_FORMAT and raw["build"] == build:
-                return {label: Noted(**noted) for label, noted in raw["steps"].items()}
+                return TypeAdapter(dict[str, Noted]).validate_python(raw["steps"])
         except (OSError, *TORN):
             pass
         return {}
@@ -91,9 +142,7 @@ class Journal:
         if noted.parts != parts:
             self._note(label, replace(noted, parts=parts))
 
-    def ran(
-        self, label: str, parts: Parts, why: Sequence[Mapping[str, object]], seconds: float
-    ) -> None:
+    def ran(self, label: str, parts: Parts, why: tuple[Change, ...], seconds: float) -> None:
         """The node ran, for these reasons, and took so long."""
         at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         self._note(label, Noted(parts, at, why, seconds))
@@ -102,7 +151,8 @@ class Journal:
         """Replace each file at once; OSError passes."""
         for part in sorted(self._changed):
             build = self._builds[part]
-            steps = {label: vars(noted) for label, noted in self._steps[part].items()}
+            noted = self._steps[part].items()
+            steps = {label: {**vars(n), "why": list(map(vars, n.why))} for label, n in noted}
             entry = {"format": JOURNAL_FORMAT, "build": build, "steps": steps}
             # Steps have most of their code and libraries in common.
             replace_file(self._file(build), zlib.compress(canonical_json(entry), 1))

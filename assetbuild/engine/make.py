@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.claims import turn
-from assetbuild.engine.explain import Change, changes_text, why_it_runs
+from assetbuild.engine.explain import changes_text, why_it_runs
 from assetbuild.engine.graph import Graph
+from assetbuild.engine.journal import Change
 from assetbuild.engine.processes import ATTEMPTS, Processes
 from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import LostObjectError
@@ -127,11 +128,10 @@ class Maker:
                 hint="run the build again; a step must give the same bytes for the same inputs",
             )
         self.session.actions.learn(action.key, made)
-        why = [asdict(change) for change in changes]
         # The clock also counts what else the machine did; of a download it is all there is.
         by_clock = action.step.network or not made.child
         work_s = made.seconds if by_clock else min(made.seconds, made.cpu_seconds)
-        self.session.journal.ran(action.label, action.parts, why, work_s)
+        self.session.journal.ran(action.label, action.parts, changes, work_s)
         return made
 
     def _log(self, label: str) -> Path | None:

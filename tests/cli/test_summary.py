@@ -26,7 +26,8 @@ from assetbuild.cli.summary import (
     shown_rows,
 )
 from assetbuild.engine.execute import Costs, Event
-from assetbuild.engine.explain import Change, Explanation
+from assetbuild.engine.explain import Explanation
+from assetbuild.engine.journal import Change
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
 from assetbuild.report.document import make_report

@@ -13,8 +13,9 @@ from assetbuild.engine.actions import Action, key_parts
 from assetbuild.engine.code import PYTHON, Code
 from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
-from assetbuild.engine.explain import Change, changes_between, explain
+from assetbuild.engine.explain import changes_between, explain
 from assetbuild.engine.graph import Graph, joined
+from assetbuild.engine.journal import JOURNAL_FORMAT, Change
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import run_again
@@ -144,7 +145,17 @@ def test_a_lost_output_is_the_reason(tmp_path):
         assert execute(graph(session), session)["second"].reason == str(told.changes[0])
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 1}', '{"format": 1, "build": "x"}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "{", "[]", '{"format": 1}', '{"format": 1, "build": "x"}',
+        *(
+            f'{{"format": {JOURNAL_FORMAT}, "build": "x", "steps": {{"first": {noted}}}}}'
+            for noted in ("5", '{"seconds": "long"}', '{"seconds": NaN}', '{"parts": [1]}',
+                          '{"why": 7}', '{"why": [{"cause": "x"}]}', '{"at": 3}')
+        ),
+    ],
+)  # fmt: skip
 def test_an_unreadable_journal_counts_as_empty(tmp_path, text):
     with Session(Store(tmp_path / "store"), build="x") as session:
         execute(graph(session), session)
