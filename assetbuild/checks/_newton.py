@@ -185,7 +185,8 @@ class SmokeNewton(NewtonCheck):
             for kind, path in paths.items()
         ]
         with tempfile.TemporaryDirectory(prefix="newton-") as folder:
-            done = stages.answers(self.start, Path(folder).resolve(), runs)
+            seconds = self.limits.wall_s / 2.0
+            done = stages.answers(self.start, Path(folder).resolve(), runs, seconds)
         figures: dict[str, object] = {}
         summaries = []
         for kind, outcome in done.items():

@@ -35,6 +35,7 @@ from assetbuild.robot.twins import twins
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Outcome, Setting
 from assetbuild.simulators.free_fall import fall_of
+from assetbuild.simulators.stages import perform_on_stages
 
 KINDS = {
     ".xml": "mjcf",
@@ -270,21 +271,18 @@ def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     air = Setting(TIMESTEP_S, GRAVITY, contacts=False)
     floor = Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
     steps = round(DROP_S / TIMESTEP_S)
-    done = physx.perform(
-        file,
-        (
-            Experiment("load", air),
-            Experiment("fall", air, steps=steps, every=steps),
-            Experiment("floor", floor, steps=4 * steps, every=steps),
-        ),
-        copied=False,
+    experiments = (
+        Experiment("load", air),
+        Experiment("fall", air, steps=steps, every=steps),
+        Experiment("floor", floor, steps=4 * steps, every=steps),
     )
-    return list(tried(done, air))
+    start = physx.PhysxCheck.start
+    return list(tried(perform_on_stages(start, file, experiments, MOST_S, copied=False), air))
 
 
 # --- a robot that has no recipe, simulated --------------------------------------------------
 
-TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0
+TIMESTEP_S, DROP_S, HIGH_M, MOST_S = 0.005, 0.5, 1.0, 240.0
 GRAVITY: Vec3 = (0.0, 0.0, -9.81)
 BROKEN = 0.05
 """Relative error of a fall above which something is wrong with the asset."""

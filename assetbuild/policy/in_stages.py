@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -28,22 +28,17 @@ from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import Seen
 from assetbuild.robot.pose import Pose, normalised_quat, rotation_of, vec3
 from assetbuild.simulators import mujoco, newton, physx
-from assetbuild.simulators.experiments import CLEARANCE_M, Experiment, Outcome, standing
-from assetbuild.simulators.stages import perform_on_stages
+from assetbuild.simulators.experiments import CLEARANCE_M, Experiment, standing
+from assetbuild.simulators.stages import Start, perform_on_stages
 
 STARTS_S, STEPS_S = 180.0, 60.0
 """Wall-clock limits: until an engine has loaded the robot, and for one step of a policy."""
-Perform = Callable[[Path, list[Experiment], float], Mapping[str, Outcome]]
-
-
-def _in_newton(main: Path, experiments: list[Experiment], seconds: float) -> Mapping[str, Outcome]:
-    def start(job: dict[str, object], folder: Path) -> str:
-        return newton.HOME.ask(newton.PROGRAM, job, folder, seconds)[1]
-
-    return perform_on_stages(start, main, experiments)
-
-
-ENGINES: Mapping[str, Perform] = {"newton": _in_newton, "physx": physx.perform}
+MOST_S = 3600.0
+"""Wall-clock limit of an engine's process."""
+ENGINES: Mapping[str, Start] = {
+    "newton": newton.NewtonCheck.start,
+    "physx": physx.PhysxCheck.start,
+}
 
 
 def unavailable_reason(engine: str) -> str:
@@ -74,7 +69,7 @@ class InStages:
         self._main = bot.bundle / "usd" / f"{bot.name}.usda"
         if not self._main.is_file():
             raise UsageError(f"no `{self._main}`", hint="build the target `usd`")
-        self._engine, self._perform, self._failure = engine, ENGINES[engine], ""
+        self._engine, self._start, self._failure = engine, ENGINES[engine], ""
         self._dt, self._time = bot.control.simulation.timestep, 0.0
         self._experiment = _experiment(bot, policy)
 
@@ -110,8 +105,8 @@ class InStages:
     def _work(self) -> None:
         """Work in a thread of its own, until the engine's process has ended."""
         try:
-            done = self._perform(self._main, [self._experiment], 3600.0)[self._experiment.name]
-            self._failure = done.failure
+            done = perform_on_stages(self._start, self._main, [self._experiment], MOST_S)
+            self._failure = done[self._experiment.name].failure
         except (StepError, MachineError) as error:
             self._failure = error.message
 

@@ -180,7 +180,7 @@ class StageGripping(GripCheck):
 
     usual_s = 60.0
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
-    limits: ClassVar[Limits] = Limits(wall_s=1200.0, memory_mb=16384)
+    limits: ClassVar[Limits] = Limits(wall_s=2400.0, memory_mb=16384)
 
     def grips(
         self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]

@@ -11,26 +11,53 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.experiments import Experiment, Motion, Outcome, StageNames
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Outcome,
+    SimulatorCheck,
+    StageNames,
+)
 
 TURN = 0.5
 """rad or m; a position of joints at which their axes show."""
-Start = Callable[[dict[str, object], Path], str]
-"""Does a job in a folder; how it died, or "" when it ended well."""
+Start = Callable[[dict[str, object], Path, float], str]
+"""See `StageCheck.start`."""
+
+
+class StageCheck(SimulatorCheck):
+    """Base of the checks that ask an engine which reads USD, in a process of its own."""
+
+    needs: ClassVar[tuple[str, ...]] = ("usd",)
+
+    @staticmethod
+    def start(job: dict[str, object], folder: Path, seconds: float) -> str:
+        """Do a job in a folder, within a time in s; how the engine died, or ""."""
+        raise NotImplementedError
+
+    def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
+        """Run experiments on `usd/`."""
+        main = inputs / f"usd/{self.robot}.usda"
+        return perform_on_stages(self.start, main, experiments, self.limits.wall_s / 2.0)
 
 
 def perform_on_stages(
-    start: Start, main: Path, experiments: Sequence[Experiment], *, copied: bool = True
+    start: Start,
+    main: Path,
+    experiments: Sequence[Experiment],
+    seconds: float,
+    *,
+    copied: bool = True,
 ) -> dict[str, Outcome]:
     """Run experiments on the asset `main`, by name. A crash or a NaN ends only its own.
 
-    copied: with its whole folder, as the inputs of a step must be: they are links into the store,
-    and a resolver that follows them gets lost.
+    seconds: wall-clock limit of a process. copied: with its whole folder, as the inputs of a step
+    must be: they are links into the store, and a resolver that follows them gets lost.
     """
     from assetbuild.simulators.stage_world import write_world  # with OpenUSD
 
@@ -45,14 +72,16 @@ def perform_on_stages(
             stage = folder / f"{experiment.name}.usda"
             names = write_world(stage, asset, experiment.setting)
             runs.append(run_of(experiment, names, stage))
-        return answers(start, folder, runs)
+        return answers(start, folder, runs, seconds)
 
 
-def answers(start: Start, folder: Path, runs: Sequence[Mapping[str, object]]) -> dict[str, Outcome]:
+def answers(
+    start: Start, folder: Path, runs: Sequence[Mapping[str, object]], seconds: float
+) -> dict[str, Outcome]:
     """What an engine makes of runs, by name; it is started again after one that ended it."""
     waiting, failures = {str(run["name"]): run for run in runs}, dict[str, str]()
     while waiting:
-        died = start({"answers": str(folder), "runs": list(waiting.values())}, folder)
+        died = start({"answers": str(folder), "runs": list(waiting.values())}, folder, seconds)
         left = {n: run for n, run in waiting.items() if not (folder / f"{n}.json").exists()}
         if left and (died or len(left) == len(waiting)):
             failures[next(iter(left))] = died or "it stopped without a word"

@@ -33,8 +33,8 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import held_by_world
-from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Setting
+from assetbuild.simulators.stages import perform_on_stages
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd as UsdTarget
@@ -93,7 +93,7 @@ def test_a_sprung_arm_settles_where_spring_and_weight_are_equal(tmp_path: Path) 
     need_physx()
     main = check_inputs(tmp_path, sprung(), UsdTarget(robot="robot"), "usd") / "usd/robot.usda"
     run = Experiment("swing", Setting(0.002, (0.0, 0.0, -9.81)), steps=3000, every=100)
-    motion = physx.perform(main, [run])["swing"].motion
+    motion = perform_on_stages(PhysxReadback.start, main, [run], 240.0)["swing"].motion
     assert motion is not None
     q = 0.0
     for _ in range(50):

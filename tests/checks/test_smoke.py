@@ -280,7 +280,7 @@ def test_newton_holds_the_robot_and_each_wrong_number_is_found(tmp_path: Path):
         stages[word] = copy / "robot.usda"
     runs = [run_of(name, path, one, steps=2) for name, path in stages.items()]  # type: ignore[arg-type] # as `RobotFiles`
     check = SmokeNewton(robot="robot", environment="newton")
-    done = answers(check.start, tmp_path, runs)
+    done = answers(check.start, tmp_path, runs, 600.0)
     assert told("mjcf", done["mjcf"]) == told("usd", done["usd"]) == []
     for word, subject in SPOILT:
         found = {(f.rule, f.subject) for f in told("usd", done[word])}

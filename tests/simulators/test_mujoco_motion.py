@@ -26,6 +26,7 @@ from assetbuild.simulators import mujoco, physx
 from assetbuild.simulators.experiments import (
     Experiment,
     Motion,
+    Outcome,
     Setting,
     Sine,
     compare_response,
@@ -35,8 +36,13 @@ from assetbuild.simulators.experiments import (
 from assetbuild.simulators.loops import LoopSwing, about_closed, trial
 from assetbuild.simulators.mujoco import motion
 from assetbuild.simulators.mujoco.motion import perform as mujoco_perform
+from assetbuild.simulators.stages import perform_on_stages
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd
+
+
+def in_physx(main: Path, runs: list[Experiment], seconds: float = 240.0) -> dict[str, Outcome]:
+    return perform_on_stages(physx.PhysxCheck.start, main, runs, seconds)
 
 
 def swung(path: Path, sine: Sine, step: float) -> Motion:
@@ -182,7 +188,7 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
     sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.5)
     setting = Setting(0.001, GRAVITY)
     run = Experiment("m", setting, steps=1500, every=5, start=sine.middle, sine=sine)
-    theirs = physx.perform(built(robot, tmp_path / "usd"), [run])["m"].motion
+    theirs = in_physx(built(robot, tmp_path / "usd"), [run])["m"].motion
     assert theirs is not None
     inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
     ours = mujoco_perform(inputs / "mjcf", "robot", run).motion
@@ -201,7 +207,7 @@ def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
         Experiment("bad", setting, steps=40, start=knees),
         Experiment("good", setting, steps=4),
     ]
-    done = physx.perform(built(tiny_quadruped(), tmp_path), runs)
+    done = in_physx(built(tiny_quadruped(), tmp_path), runs)
     assert not done["bad"].finite
     assert done["bad"].failure
     assert done["good"].finite
@@ -210,7 +216,7 @@ def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
 @needs_physx
 def test_a_run_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
     run = Experiment("long", Setting(0.001, GRAVITY), steps=10_000_000)
-    done = physx.perform(built(pendulum(), tmp_path), [run], seconds=5.0)["long"]
+    done = in_physx(built(pendulum(), tmp_path), [run], seconds=5.0)["long"]
     assert "5 s" in done.failure
     assert not done.finite
 

@@ -6,31 +6,24 @@ which defaults it has.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.simulators.consumers import ConsumerCheck, Environment
-from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck
-from assetbuild.simulators.stages import perform_on_stages
+from assetbuild.simulators.stages import StageCheck
 
 HOME = Environment("newton", ("newton[sim,importers]==1.8.0",))
-PROGRAM = Path(__file__).with_name("_child.py")
+_PROGRAM = Path(__file__).with_name("_child.py")
 BEYOND_IMPORTS = ("assetbuild.simulators.newton._child",)
 
 
-class NewtonCheck(ConsumerCheck, SimulatorCheck):
+class NewtonCheck(ConsumerCheck, StageCheck):
     """Base of the checks that ask Newton."""
 
-    needs: ClassVar[tuple[str, ...]] = ("usd",)
     home: ClassVar[Environment] = HOME
     engine: ClassVar[str] = "Newton"
 
-    def start(self, job: dict[str, object], folder: Path) -> str:
-        """Do a job; how Newton died, or ""."""
-        failure = self.home.ask(PROGRAM, job, folder, self.limits.wall_s)[1]
-        return f"Newton: {failure}" if failure else ""
-
-    def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
-        """Run experiments on `usd/`."""
-        return perform_on_stages(self.start, inputs / f"usd/{self.robot}.usda", experiments)
+    @staticmethod
+    def start(job: dict[str, object], folder: Path, seconds: float) -> str:
+        """Do a job by Newton's own Python."""
+        return HOME.ask(_PROGRAM, job, folder, seconds)[1]

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.engine.step import Limits
 from assetbuild.findings import Rule
 from assetbuild.simulators.children import ask
-from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck
-from assetbuild.simulators.stages import perform_on_stages
+from assetbuild.simulators.stages import StageCheck
 
 BEYOND_IMPORTS = ("assetbuild.simulators.physx._child", "physx_usd_schemas")
 ITERATIONS: Mapping[str, str] = {"iterations": "usd.articulation.solver_position_iterations"}
@@ -53,11 +52,10 @@ FREE_FALL = Rule(
 )
 
 
-class PhysxCheck(SimulatorCheck):
+class PhysxCheck(StageCheck):
     """Base of the checks that ask PhysX."""
 
     usual_s = 30.0
-    needs: ClassVar[tuple[str, ...]] = ("usd",)
     requires: ClassVar[Mapping[str, str]] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
     isolated: ClassVar[bool] = True
     preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
@@ -65,22 +63,9 @@ class PhysxCheck(SimulatorCheck):
     engines: ClassVar[tuple[str, ...]] = ("physx",)
     engine: ClassVar[str] = "PhysX"
 
-    def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
-        """Run experiments on `usd/`."""
-        return perform(inputs / f"usd/{self.robot}.usda", experiments, self.limits.wall_s / 2.0)
-
-
-def perform(
-    main: Path, experiments: Sequence[Experiment], seconds: float = 240.0, *, copied: bool = True
-) -> dict[str, Outcome]:
-    """Run experiments in PhysX on the asset `main`, by name. A crash or a NaN ends only its own.
-
-    seconds: wall-clock limit of the whole. copied: as of `perform_on_stages`.
-    """
-
-    def start(job: dict[str, object], folder: Path) -> str:
+    @staticmethod
+    def start(job: dict[str, object], folder: Path, seconds: float) -> str:
+        """Do a job by our own Python, with all of its packages."""
         path = os.pathsep.join(os.path.abspath(p) for p in sys.path if p)  # noqa: PTH100
         variables = {"TZ": "UTC", "LC_ALL": "C", "PYTHONPATH": path}
         return ask(Path(sys.executable), _PROGRAM, job, folder, seconds, variables)[1]
-
-    return perform_on_stages(start, main, experiments, copied=copied)
