@@ -31,7 +31,7 @@ SOFT = (
 class Row:
     """One line of the form.
 
-    off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
+    off: what the limits bound; share, m, s or rad as `unit` says. warn: infinite = only reported.
     because: a proven reason for the difference, which then is a warning at most; advice: its hint.
     """
 
@@ -40,17 +40,17 @@ class Row:
     subject: str
     mujoco: float | str
     theirs: float | str
-    off: float | None = None
-    warn: float = math.inf
-    error: float = math.inf
-    unit: str = ""
+    off: float
+    warn: float
+    error: float
+    unit: str
     because: str = ""
     advice: str = ""
 
     @property
     def verdict(self) -> Literal["ok", "warning", "error", "told"]:
         """Judge it by the two limits; what is not a number is over both."""
-        if self.off is None or (self.warn == math.inf and not math.isnan(self.off)):
+        if self.warn == math.inf and not math.isnan(self.off):
             return "told"
         if not self.off <= self.error and not self.because:
             return "error"
@@ -58,7 +58,7 @@ class Row:
 
     def shown(self, engine: str) -> dict[str, object]:
         """Return the figures, under the name of the other engine: no NaN, which JSON lacks."""
-        off = None if self.off is None else known(rounded(self.off, self.warn))
+        off = known(rounded(self.off, self.warn))
         values = {"mujoco": known(self.mujoco), engine.lower(): known(self.theirs), "off": off}
         head = {"rank": self.rank, "row": self.name, "of": self.subject}
         reason = {"because": self.because} if self.because else {}
@@ -72,9 +72,7 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
         if not bad:
             continue
         # What is not a number is worst.
-        worst = max(
-            bad, key=lambda row: (row.verdict == "error", known(row.off) is None, row.off or 0.0)
-        )
+        worst = max(bad, key=lambda row: (row.verdict == "error", math.isnan(row.off), row.off))
         usual = HINTS.get(name, "the report's table of the check has every row")
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         limit = worst.error if worst.verdict == "error" else worst.warn

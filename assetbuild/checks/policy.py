@@ -34,7 +34,6 @@ FOLDER = "own_policy/"
 class PolicyCheck(mujoco.InMujoco):
     """Replays a policy on the built scene. Figures: how it moved, and what it was asked for."""
 
-    own_name = "policy"
     section: ClassVar[str] = "validate.policy"
     about: ClassVar[str] = "a policy that must drive this robot; null = none"
     enabled_by_default: ClassVar[bool] = False

@@ -284,7 +284,7 @@ class Motion:
 class Outcome:
     """held, motion: None where the simulator did not get that far, and `failure` says why."""
 
-    held: Any  # MuJoCo's model, `Held` of PhysX, JSON of Newton
+    held: Any  # `Held` of PhysX, JSON of Newton
     motion: Motion | None
     failure: str = ""
 

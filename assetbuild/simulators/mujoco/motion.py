@@ -41,13 +41,11 @@ class MujocoCheck(mujoco.InMujoco, SimulatorCheck):
 
 
 def perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
-    """Run an experiment on the MJCF of a folder; `held` is MuJoCo's model."""
+    """Run an experiment on the MJCF of a folder."""
     setting, sine = asked.setting, asked.sine
     path = folder / (f"{robot}.xml" if setting.floor_friction is None else "scene.xml")
     servos = dict(setting.drives or {})
     try:
-        if not asked.steps:
-            return Outcome(mujoco.load(path).model, None)
         if not sine.middle:
             model = mujoco.load(path, visuals=False).model
         else:
