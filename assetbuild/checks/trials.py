@@ -10,21 +10,21 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import ArenaFullError
+from assetbuild.simulators.mujoco import ArenaFullError, Model
 from assetbuild.simulators.mujoco import trials as experiments
 from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 from assetbuild.simulators.mujoco.stand import outcome_figures, stand
 
+Figures = dict[str, object]
 SHOWN_PAIRS = 40
 LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
@@ -38,6 +38,108 @@ DEEP_M = 0.001
 """Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""
 START_M = 0.005
 """A robot that starts deeper in itself or in the floor is thrown off, and is not ready."""
+
+LOAD = Rule("trials.load", "error", "the scene does not load", "see `mjcf.load`")
+LARGE = Rule(
+    "trials.large",
+    "info",
+    "there are more than 300 degrees of freedom, so `validate` simulates nothing",
+    "remove the cloth or the other robots",
+)
+MEMORY = Rule(
+    "trials.memory",
+    "error",
+    "MuJoCo's own memory does not hold the contacts of the robot: it goes on without any "
+    "constraint, or stops",
+    "`collision.exclude.pairs` of what always touches (`trials.overlap`), fewer collision shapes, "
+    "or more memory (`<size memory>` in the source's MJCF)",
+)
+DEAD = Rule(
+    "trials.dead",
+    ("error", "warning"),
+    "a joint hardly moves when its drive is commanded (a warning where an MJCF's own drive does "
+    "that in the source, too)",
+    "is kp in other units, the effort limit too small, or kd far too large?",
+)
+ENERGY = Rule(
+    "trials.energy",
+    "warning",
+    "free motion does not conserve energy at this timestep",
+    "a smaller timestep; look for tiny inertias far from the others",
+)
+TIMESTEP = Rule(
+    "trials.timestep",
+    "warning",
+    "the drives move differently at a quarter of the timestep",
+    "a smaller `simulation.timestep`, a smaller kp, or the real armature",
+)
+BALANCE = Rule(
+    "trials.balance",
+    "warning",
+    "at home the centre of mass is not above the feet",
+    "move the feet of the keyframe under the centre of mass",
+)
+UNSTABLE = Rule(
+    "trials.unstable",
+    "error",
+    "after a drop the simulation went to infinity",
+    "a smaller timestep; look for tiny inertias and overlapping shapes",
+)
+RESTLESS = Rule(
+    "trials.rest",
+    ("warning", "info"),
+    "two seconds after a drop the joints still move",
+    "more kd, a smaller timestep, or the rotors' armature",
+)
+SUNK = Rule(
+    "trials.sunk",
+    ("warning", "info"),
+    "two seconds after a drop a contact is too deep",
+    "adjust the contact softness or the timestep",
+)
+DRIFT = Rule(
+    "trials.drift",
+    ("warning", "info"),
+    "the settled base drifts",
+    "a pose that stands by itself, more kd or kp, or a smaller timestep",
+)
+FALL = Rule(
+    "trials.fall",
+    "warning",
+    "left alone under its drives for two seconds the robot falls, or a drive of a fixed robot does "
+    "not hold its joint",
+    "raise kp, check the effort limits, move the feet under the centre of mass; `validate: {stand: "
+    "{}}` makes it an error",
+)
+OVERLAP = Rule(
+    "trials.overlap",
+    "warning",
+    "two bodies touch in almost all random poses, or are inside each other where the robot starts "
+    "(by more than 5 mm: not ready)",
+    "exclude the pair, or use smaller shapes; in the second case another pose helps, too",
+    was={"stand.overlap": ("trials.overlap",)},
+)
+FLOOR = Rule(
+    "trials.floor",
+    "warning",
+    "a moving body starts inside the floor of the scene (by more than 5 mm: not ready)",
+    "turn or raise the keyframe `home`",
+)
+NOTHING_TOUCHES = Rule(
+    "trials.nothing_touches",
+    "warning",
+    "the robot floats and none of its shapes can touch a floor, so it is not ready",
+    "give it collision shapes; where it never lands, state that in `rules: "
+    '{trials.nothing_touches: {severity: info, because: "..."}}`',
+    blocks=True,
+)
+SHAKEN = Rule(
+    "trials.random_targets_diverge",
+    "error",
+    "the random targets of an untrained policy drive the simulation to infinity",
+    "a smaller `simulation.timestep`, the rotors' real armature, smaller kp, or an `effort` that "
+    "is no placeholder",
+)
 
 
 class Trials(mujoco.InMujoco):
@@ -100,9 +202,9 @@ class Trials(mujoco.InMujoco):
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": error.message})
-            yield rules.LOAD("robot", f"nothing to try: {error.message}")
+            yield LOAD("robot", f"nothing to try: {error.message}")
             return
-        figures: dict[str, object] = {}
+        figures: Figures = {}
         driven = servoed(model, control, {"ideal_pd", "dc_motor"})
         yield from self.examine(driven, figures, servoed(model, control))
         limits = {
@@ -118,16 +220,15 @@ class Trials(mujoco.InMujoco):
         }
         write_figures(files, figures, limits)
 
-    def examine(
-        self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model | None = None
-    ) -> Iterator[Finding]:
+    def examine(self, model: Model, figures: Figures, alone: Model = None) -> Iterator[Finding]:
         """All experiments on a compiled model, our own or foreign; those on the floor need one.
 
-        alone: the same where plain motors hold their joints as well, as a controller does.
+        alone: the same where plain motors hold their joints as well, as a controller does; None: it
+        has no such motors.
         """
         if int(model.nv) > LARGEST_DOFS:
             message = f"{model.nv} degrees of freedom, more than {LARGEST_DOFS}: nothing is tried"
-            yield rules.LARGE("robot", message)
+            yield LARGE("robot", message)
             return
         yield from self._drives(model, figures)
         yield from self._numerics(model, figures)
@@ -140,37 +241,34 @@ class Trials(mujoco.InMujoco):
             yield from fall
             yield from self._shaken(model, figures)
         except ArenaFullError as error:
-            yield rules.MEMORY("robot", error.message)
+            yield MEMORY("robot", error.message)
 
-    def dangers(self, model: mujoco.Model) -> Iterator[Finding]:
+    def dangers(self, model: Model) -> Iterator[Finding]:
         """Yield what can be an error wherever the robot stands: for a recipe being proposed."""
-        figures: dict[str, object] = {}
-        yield from self._drives(model, figures)
-        yield from self._shaken(model, figures)
+        yield from self._drives(model, {})
+        yield from self._shaken(model, {})
 
-    def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        answers = experiments.answers(model)
-        figures["drives"] = [
-            {"joint": joint, "asked": asked, "moved": moved}
-            for joint, (asked, moved) in answers.items()
-        ]
-        for joint, (asked, moved) in answers.items():
+    def _drives(self, model: Model, figures: Figures) -> Iterator[Finding]:
+        drives = list[Figures]()
+        for joint, (asked, moved) in experiments.answers(model).items():
+            drives.append({"joint": joint, "asked": asked, "moved": moved})
             if moved < min(self.min_response, 0.2 * asked):
                 origin = ", as in the source's own MJCF" if self.inherited else ""
-                yield rules.DEAD(
+                yield DEAD(
                     f"actuator {joint}",
                     f"commanded to swing by {asked:.3g}, the joint moved by {moved:.3g}{origin}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": asked, "moved": moved},
                 )
+        figures["drives"] = drives
 
-    def _numerics(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+    def _numerics(self, model: Model, figures: Figures) -> Iterator[Finding]:
         drift = experiments.energy_drift(model)
         figures["energy_drift"] = _or_unstable(drift)
         if not drift <= self.energy:
             change = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
             message = f"in one second of free motion the energy {change} (limit {self.energy:.2%})"
-            yield rules.ENERGY("robot", message, data={"limit": self.energy})
+            yield ENERGY("robot", message, data={"limit": self.energy})
         if not model.nu:
             return  # a free swing is judged by its energy; nothing holds it to a path
         errors = experiments.timestep_error(model)
@@ -178,14 +276,14 @@ class Trials(mujoco.InMujoco):
         worst = max(errors, key=lambda joint: errors[joint], default="")
         if errors.get(worst, 0.0) > self.timestep:
             slides = model.joint(worst).type[0] == mujoco.mj.mjtJoint.mjJNT_SLIDE
-            yield rules.TIMESTEP(
+            yield TIMESTEP(
                 f"actuator {worst}",
                 f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} "
                 f"{'m' if slides else 'rad'} (limit {self.timestep:g})",
                 data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
             )
 
-    def _overlaps(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+    def _overlaps(self, model: Model, figures: Figures) -> Iterator[Finding]:
         """Bodies inside one another in almost all random poses or at the start; in the floor."""
         pairs = experiments.touching_pairs(model, self.poses)
         figures["self_collision"] = [
@@ -196,16 +294,15 @@ class Trials(mujoco.InMujoco):
         at_home = {pair: depth for pair, depth in overlaps.items() if pair[0]}
         for (a, b), share in pairs.items():
             if share >= self.always and at_home.get((a, b), 0.0) <= START_M:
-                yield rules.OVERLAP(
+                yield OVERLAP(
                     f"link {a}",
                     f"runs into {b} in {share:.0%} of {self.poses} random poses",
                     hint=f"`collision.exclude.pairs: [[{a}, {b}]]`, or smaller shapes",
                     data={"share": share, "poses": self.poses},
                 )
         for (a, b), depth in at_home.items():
-            usual = pairs.get((a, b), 0.0) >= self.always
-            if depth > START_M or (depth >= DEEP_M and not usual):
-                yield rules.OVERLAP(
+            if depth > START_M or (depth >= DEEP_M and pairs.get((a, b), 0.0) < self.always):
+                yield OVERLAP(
                     f"link {a}",
                     f"lies {depth * 1e3:.3g} mm in {b} where it starts: PhysX throws them apart",
                     hint=f"another pose, `collision.exclude.pairs: [[{a}, {b}]]`, or smaller "
@@ -219,7 +316,7 @@ class Trials(mujoco.InMujoco):
         figures["in_floor"] = [{"body": body, "depth_m": depth} for body, depth in depths.items()]
         for body, depth in depths.items():
             if depth >= DEEP_M:
-                yield rules.FLOOR(
+                yield FLOOR(
                     f"link {body}",
                     f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
                     "simulators throw it off or jam it",
@@ -228,37 +325,33 @@ class Trials(mujoco.InMujoco):
                 )
         floors, able = set(mujoco.floors(model)), (*touching_geoms(model), *explicit_pairs(model))
         if free and not any(floors & set(pair) for pair in able):
-            yield rules.NOTHING_TOUCHES(
-                "robot",
-                "it floats, and none of its shapes can touch the floor: it falls through",
-            )
+            message = "it floats, and none of its shapes can touch the floor: it falls through"
+            yield NOTHING_TOUCHES("robot", message)
 
-    def _balance(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+    def _balance(self, model: Model, figures: Figures) -> Iterator[Finding]:
         under = experiments.support(model)
         figures["support_margin_m"], figures["support_points"] = under.margin_m, under.points
         if under.margin_m is not None and under.margin_m < self.support:
             side = "outside of" if under.margin_m < 0.0 else "inside"
-            yield rules.BALANCE(
+            yield BALANCE(
                 "robot",
                 f"at home the centre of mass is {1e3 * abs(under.margin_m):.3g} mm {side} its feet",
                 data={"margin_m": under.margin_m, "limit_m": self.support},
             )
 
-    def _dropped(
-        self, model: mujoco.Model, figures: dict[str, object], *, falls: bool
-    ) -> Iterator[Finding]:
+    def _dropped(self, model: Model, figures: Figures, *, falls: bool) -> Iterator[Finding]:
         """falls: it falls by itself, so that it also lies, rolls and moves after a drop."""
         settled = experiments.settle(model, self.drop)
-        unknown = dict.fromkeys(experiments.SETTLED)
-        figures["settle"] = {"finite": settled is not None, **(settled or unknown)}
+        values = settled or dict.fromkeys(experiments.SETTLED)
+        figures["settle"] = {"finite": settled is not None, **values}
         if settled is None:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
-            yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
+            yield UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
         for rule, name, limit, what, unit in (
-            (rules.RESTLESS, "fastest_joint", self.speed, "its fastest joint moves at", "rad/s"),
-            (rules.SUNK, "deepest_contact_m", self.penetration, "a contact still penetrates", "m"),
-            (rules.DRIFT, "drift_m", self.drift, "in 1000 steps its base wandered", "m"),
+            (RESTLESS, "fastest_joint", self.speed, "its fastest joint moves at", "rad/s"),
+            (SUNK, "deepest_contact_m", self.penetration, "a contact still penetrates", "m"),
+            (DRIFT, "drift_m", self.drift, "in 1000 steps its base wandered", "m"),
         ):
             value = settled[name]
             if value > limit:
@@ -272,24 +365,21 @@ class Trials(mujoco.InMujoco):
                     data={"value": value, "limit": limit},
                 )
 
-    def _left_alone(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+    def _left_alone(self, model: Model, figures: Figures) -> Iterator[Finding]:
         """Nobody touches the robot at its first keyframe; its drives hold what they can."""
         if not (self.alone and model.nkey and mujoco.floors(model)):
             return
         stood = stand(model, 0, ALONE_S)
         did = figures["untouched"] = outcome_figures(stood, ALONE_FALL)
         if did["outcome"] == "falls" and mujoco.turning(model):
-            yield rules.FALL(
+            yield FALL(
                 "robot" if stood.floats else f"actuator {stood.worst_held[0]}",
                 f"left alone it {did['sentence']}",
-                hint=ON_POINTS
-                if stood.floats and not experiments.support(model).is_area
-                else "raise kp, check the effort limits and the pose; "
-                "`validate: {stand: {}}` makes it an error",
+                hint=ON_POINTS if stood.floats and not experiments.support(model).is_area else "",
                 data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
             )
 
-    def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+    def _shaken(self, model: Model, figures: Figures) -> Iterator[Finding]:
         """Does it bear what an untrained policy asks of it?"""
         shaken = experiments.shake(model, self.action)
         if shaken is None:
@@ -298,7 +388,7 @@ class Trials(mujoco.InMujoco):
         fastest = speed if seconds is None else None
         figures["shake"] = {"seconds": seconds, "joint": joint, "fastest_joint": fastest}
         if seconds is not None:
-            yield rules.SHAKEN(
+            yield SHAKEN(
                 f"joint {joint}",
                 "an untrained policy's random targets drive the simulation to infinity after "
                 f"{seconds:.2g} s, this joint foremost",
