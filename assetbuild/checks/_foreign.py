@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -21,7 +20,7 @@ from assetbuild.engine.world import World
 from assetbuild.errors import StepError, quoted
 from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.plugin_types import Check, write_figures
-from assetbuild.simulators.children import environment, last_line
+from assetbuild.simulators.children import last_line, run
 from assetbuild.simulators.consumers import ConsumerCheck, Environment
 
 BEYOND_IMPORTS = ("simcheck", "mjcf_doctor")
@@ -77,18 +76,8 @@ class ForeignTool(Check):
         with tempfile.TemporaryDirectory(prefix="foreign-") as scratch:
             # A program that resolves links would find the store's files, each in another folder.
             place = Path(shutil.copytree(folder, Path(scratch).resolve() / "files"))
-            try:
-                done = subprocess.run(
-                    [str(self.interpreter()), "-P", *(w.format(tool=self) for w in self.words)],
-                    cwd=place,
-                    env=environment(),
-                    stdin=subprocess.DEVNULL,
-                    capture_output=True,
-                    check=False,
-                    timeout=self.limits.wall_s,
-                )
-            except subprocess.TimeoutExpired:
-                return "", f"it took more than {self.limits.wall_s:g} s"
+            command = [str(self.interpreter()), "-P", *(w.format(tool=self) for w in self.words)]
+            done = run(command, place, self.limits.wall_s)
             report = place / REPORT
             output = report.read_bytes() if report.exists() else done.stdout
         return output.decode("utf-8", "replace"), last_line(done.stderr or done.stdout)

@@ -18,7 +18,7 @@ import numpy as np
 
 OBJECT = "/World/object"
 TABLE = "/World/table"
-"""As `stage_world` defines them."""
+"""Prims of what is gripped and of what it lies on, as `stage_world` defines them."""
 
 
 def perform(world: Any, run: dict[str, Any]) -> dict[str, Any]:

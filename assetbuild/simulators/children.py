@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-_KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
-"""Variables of ours that a child sees."""
+from assetbuild.engine.confine import bare_environment
+
+_KEPT = ("PATH", "HOME", "TMPDIR")
+"""Variables of ours that a child sees, besides what any interpreter needs."""
 _RUNNER = Path(__file__).with_name("_answering.py")
 BEYOND_IMPORTS = ("assetbuild.simulators._answering", "assetbuild.simulators._moving")
-_FIXED = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1"}
 
 
 def ask(
@@ -32,18 +33,7 @@ def ask(
     asked.write_text(json.dumps(job), encoding="utf-8")
     answer.unlink(missing_ok=True)
     command = [str(python), "-P", "-s", str(_RUNNER), str(program), str(asked)]
-    try:
-        child = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            env=environment(variables),
-            cwd=folder,
-            timeout=seconds,
-        )
-    except subprocess.TimeoutExpired:
-        return None, f"it took more than {seconds:g} s and was stopped"
+    child = run(command, folder, seconds, variables)
     if child.returncode < 0:
         return None, f"it crashed with signal {-child.returncode}"
     if child.returncode:  # an exception of the program speaks for itself
@@ -53,10 +43,31 @@ def ask(
     return json.loads(answer.read_bytes()), ""
 
 
+def run(
+    command: Sequence[str],
+    folder: Path,
+    seconds: float,
+    variables: Mapping[str, str] = MappingProxyType({}),
+) -> subprocess.CompletedProcess[bytes]:
+    """Run a program in a folder; one that takes too long fails with these words as its last."""
+    try:
+        return subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            env=environment(variables),
+            cwd=folder,
+            timeout=seconds,
+        )
+    except subprocess.TimeoutExpired:
+        said = f"it took more than {seconds:g} s and was stopped"
+        return subprocess.CompletedProcess(command, 1, b"", said.encode())
+
+
 def environment(variables: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
     """What a child sees: a few variables of ours, and its own."""
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
-    return kept | _FIXED | dict(variables)
+    return bare_environment() | kept | dict(variables)
 
 
 def last_line(output: bytes) -> str:

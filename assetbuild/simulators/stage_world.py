@@ -12,10 +12,10 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.robot.pose import Pose
+from assetbuild.simulators._moving import OBJECT, TABLE
 from assetbuild.simulators.experiments import Gripped, Setting, StageNames
 
 ROBOT = "/World/robot"
-OBJECT, TABLE = "/World/object", "/World/table"
 FLOOR_M = 100.0
 PLAY = 1e-5
 """rad or m, to both sides of a locked joint: MuJoCo takes no range without any."""

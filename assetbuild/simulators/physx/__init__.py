@@ -67,5 +67,4 @@ class PhysxCheck(StageCheck):
     def start(job: dict[str, object], folder: Path, seconds: float) -> str:
         """Do a job by our own Python, with all of its packages."""
         path = os.pathsep.join(os.path.abspath(p) for p in sys.path if p)  # noqa: PTH100
-        variables = {"TZ": "UTC", "LC_ALL": "C", "PYTHONPATH": path}
-        return ask(Path(sys.executable), _PROGRAM, job, folder, seconds, variables)[1]
+        return ask(Path(sys.executable), _PROGRAM, job, folder, seconds, {"PYTHONPATH": path})[1]
