@@ -82,7 +82,9 @@ class Stand(mujoco.InMujoco):
     section = "validate.stand"
     about = "stand still under the drives; {} = defaults"
     enabled_by_default = False
-    recipe_fields: ClassVar = {"soles": "feet.links"}
+    derived: ClassVar = {
+        "feet": lambda recipe: recipe.value("validate.stand.feet") or recipe.value("feet.links")
+    }
 
     keyframe: str = Field("home", description="the pose to hold")
     seconds: Positive = Field(2.0, description="s")
@@ -105,8 +107,6 @@ class Stand(mujoco.InMujoco):
     feet: Pattern | None = Field(
         None, description="source links that may touch the floor; without it `feet.links`"
     )
-    soles: str | None = None
-    """What `feet` is without a word of its own; None = any link may touch the floor."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
@@ -182,8 +182,7 @@ class Stand(mujoco.InMujoco):
         )
 
     def _is_foot(self, link: str) -> bool:
-        pattern = self.feet or self.soles
-        return pattern is None or re.fullmatch(pattern, link) is not None
+        return self.feet is None or re.fullmatch(self.feet, link) is not None
 
     def _soles(self, stood: Stood, link_of: Mapping[str, str], tree: Tree) -> dict[str, float]:
         """Gap (m) of every foot by the pattern; without one, of the lowest point of the robot.
@@ -200,11 +199,11 @@ class Stand(mujoco.InMujoco):
                     foot = joint.parent
                 soles[foot] = min((gap, link), soles.get(foot, (gap, link)))
         lowest = sorted(soles.values())
-        return {link: gap for gap, link in (lowest if self.feet or self.soles else lowest[:1])}
+        return {link: gap for gap, link in (lowest if self.feet else lowest[:1])}
 
     def _judge_soles(self, soles: Mapping[str, float]) -> Iterator[Finding]:
-        if (pattern := self.feet or self.soles) and not soles:
-            yield NO_FEET("robot", f"no link that matches `{pattern}` has a shape to stand on")
+        if self.feet and not soles:
+            yield NO_FEET("robot", f"no link that matches `{self.feet}` has a shape to stand on")
         for link, gap in sorted(soles.items()):
             if abs(gap) > self.sole:
                 side = "above" if gap > 0 else "inside"
