@@ -48,6 +48,7 @@ def Xform "arm" (
     def PhysicsRevoluteJoint "turn"
     {
         float physics:upperLimit = 90
+        quatf physics:localRot0 = (0.6, 0.8, 0, 0)
     }
     variantSet "Physics" = {
         "off" {
@@ -97,9 +98,11 @@ def compared(folder: Path, name: str, text: str, *edits: tuple[str, str]) -> lis
         ("a.usda", STAGE, ("upperLimit = 90", "upperLimit = 91"),
          Row("prim", "/arm/turn", "physics:upperLimit", 90.0, 91.0, 15)),
         ("a.usda", STAGE, ("mass = 1", "mass = 3"),
-         Row("prim", "/arm{Physics=off}", "mass", 1.0, 3.0, 19)),
+         Row("prim", "/arm{Physics=off}", "mass", 1.0, 3.0, 20)),
         ("a.usda", STAGE, ('Physics = "on"', 'Physics = "off"'),
          Row("prim", "/arm", "variantSelection Physics", "on", "off", 6)),
+        ("a.usda", STAGE, ("quatf", "quatd"),
+         Row("prim", "/arm/turn", "physics:localRot0 typeName", "quatf", "quatd", 16)),
     ],
     ids=lambda value: value if isinstance(value, str) and len(value) < 9 else "",
 )  # fmt: skip
