@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from assetbuild.findings import Finding, Rule, Scalar, Severity, steady
+from assetbuild.findings import Data, Finding, Rule, Severity, steady
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
     LEAST_MOMENT_KG_M2,
@@ -21,7 +21,6 @@ from assetbuild.robot.inertia import (
     triangle_violation,
 )
 from assetbuild.robot.model import Inertial, Tree
-from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Shapes, SourceShapes
 
 ROUNDING = 1e-9
@@ -129,31 +128,28 @@ def inertia_findings(
             hint = "give it a mass: edit `inertia_from_geometry`, or `set_inertia`"
             yield MISSING(subject, message, hint, severity=worst)
         else:
-            for finding in MassProperties(subject, body.inertial, bounds, worst).findings():
-                kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
+            for finding in mass_findings(subject, body.inertial, bounds, worst):
+                moves, shows = body.name in driven, body.name in shaped
+                kept = _of_body(finding, moves=moves, shows=shows, made=body.name in made)
                 if kept:
-                    yield _of_edit(kept) if body.name in made else kept
+                    yield kept
 
 
-def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
-    """The severity that fits a body which moves or not, and has a shape or not."""
+def _of_body(finding: Finding, *, moves: bool, shows: bool, made: bool) -> Finding | None:
+    """The severity that fits a body which moves or not, has a shape or not; None: no finding."""
     if finding.rule == DENSE.id and not shows and finding.severity != "error":
         return replace(finding, severity="info")  # it has no size to doubt
+    if finding.rule == RADIUS.id and not moves:  # what never turns may be as lazy as it likes
+        return replace(finding, severity=_below(finding.severity))
+    if finding.rule == MASS_SMALL.id and made:
+        message = f"{finding.message}: an edit gave the link this mass"
+        finding = replace(finding, severity="info", message=message, hint="")
     if moves:
         return finding
-    if finding.rule == RADIUS.id:  # what never turns may be as lazy as it likes
-        return replace(finding, severity=_below(finding.severity))
     if finding.severity == "warning" and finding.data.get("principal_kg_m2") == (0.0, 0.0, 0.0):
         message = "no inertia of its own: a point mass, which is exact once it is merged"
         return replace(finding, severity="info", message=message, hint="")
     return finding if finding.rule != MASS_SMALL.id else None
-
-
-def _of_edit(finding: Finding) -> Finding:
-    if finding.rule != MASS_SMALL.id:
-        return finding
-    message = f"{finding.message}: an edit gave the link this mass"
-    return replace(finding, severity="info", message=message, hint="")
 
 
 def _between(subject: str, chain: Chain) -> Finding:
@@ -166,78 +162,55 @@ def _between(subject: str, chain: Chain) -> Finding:
     )
 
 
-@dataclass(frozen=True)
-class MassProperties:
-    """The mass properties of one body, and how grave a mistake in them is."""
+def mass_findings(
+    subject: str, inertial: Inertial, bounds: InertiaBounds, worst: Severity
+) -> Iterator[Finding]:
+    """Yield what is wrong with mass properties; of a body without mass nothing else."""
+    mass, moments = inertial.mass_kg, principal_moments(inertial.inertia_com_kg_m2)
+    data: Data = {"mass_kg": mass, "principal_kg_m2": moments}
+    if mass <= 0.0:
+        yield MASS(subject, f"mass is {mass:g} kg", severity=worst, data=data)
+        return
+    if mass < bounds.small_mass:
+        bound = {"mass_kg": mass, "bound_kg": bounds.small_mass}
+        yield MASS_SMALL(subject, f"mass is only {mass:g} kg", severity=_below(worst), data=bound)
+    a, b, c = steady(moments)
+    shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
+    if a <= SINGULAR * abs(c):
+        message = f"principal moments {shown} are not all positive"
+        dummy = worst == "warning" and mass < bounds.small_mass
+        yield POSITIVE(subject, message, severity="info" if dummy else worst, data=data)
+        return
+    violation = triangle_violation(inertial.inertia_com_kg_m2)
+    least = -violation * c / 2
+    if violation > TRIANGLE_ROUNDING:
+        severity = worst if violation > bounds.triangle_slack else "warning"
+        message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
+        refused = "MuJoCo refuses it: " if severity == "error" else ""
+        hint = f"is it about the centre of mass? {refused}`edits: balance_inertia` repairs it"
+        more = {**data, "violation": violation}
+        yield TRIANGLE(subject, message, hint, severity=severity, data=more)
+    elif least <= ROUNDING * c:
+        message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
+        more = {**data, "least_second_moment_kg_m2": least}
+        yield PSEUDO(subject, message, severity=_below(worst), data=more)
+    yield from _size_findings(subject, inertial, bounds, worst, data)
 
-    subject: str
-    inertial: Inertial
-    bounds: InertiaBounds
-    worst: Severity
 
-    @property
-    def moments(self) -> Vec3:
-        """Principal moments in rising order, kg m²."""
-        return principal_moments(self.inertial.inertia_com_kg_m2)
-
-    @property
-    def data(self) -> dict[str, Scalar | tuple[Scalar, ...]]:
-        """Mass and principal moments, as each finding carries them."""
-        return {"mass_kg": self.inertial.mass_kg, "principal_kg_m2": self.moments}
-
-    def findings(self) -> Iterator[Finding]:
-        """Yield what is wrong with them; of a body without mass nothing else."""
-        mass, worst = self.inertial.mass_kg, self.worst
-        if mass <= 0.0:
-            message = f"mass is {mass:g} kg"
-            yield MASS(self.subject, message, severity=worst, data=self.data)
-            return
-        if mass < self.bounds.small_mass:
-            message = f"mass is only {mass:g} kg"
-            data = {"mass_kg": mass, "bound_kg": self.bounds.small_mass}
-            yield MASS_SMALL(self.subject, message, severity=_below(worst), data=data)
-        broken = self._broken()
-        if broken:
-            yield broken
-        if not broken or broken.rule != POSITIVE.id:
-            yield from self._size(equivalent_radius(self.inertial))
-
-    def _broken(self) -> Finding | None:
-        a, b, c = steady(self.moments)
-        shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
-        if a <= SINGULAR * abs(c):
-            message = f"principal moments {shown} are not all positive"
-            dummy = self.worst == "warning" and self.inertial.mass_kg < self.bounds.small_mass
-            severity: Severity = "info" if dummy else self.worst
-            return POSITIVE(self.subject, message, severity=severity, data=self.data)
-        violation = triangle_violation(self.inertial.inertia_com_kg_m2)
-        if violation > TRIANGLE_ROUNDING:
-            severity = self.worst if violation > self.bounds.triangle_slack else "warning"
-            message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
-            refused = "MuJoCo refuses it: " if severity == "error" else ""
-            hint = f"is it about the centre of mass? {refused}`edits: balance_inertia` repairs it"
-            data = self.data | {"violation": violation}
-            return TRIANGLE(self.subject, message, hint, severity=severity, data=data)
-        least = -violation * c / 2
-        if least <= ROUNDING * c:
-            message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
-            data = self.data | {"least_second_moment_kg_m2": least}
-            return PSEUDO(self.subject, message, severity=_below(self.worst), data=data)
-        return None
-
-    def _size(self, radius: float) -> Iterator[Finding]:
-        mass, bounds = self.inertial.mass_kg, self.bounds
-        data = {"radius_m": radius, **self.data}
-        refused = self.moments[0] < LEAST_MOMENT_KG_M2
-        if refused or mass > bounds.density * 4.0 / 3.0 * math.pi * radius**3:
-            also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²"
-            message = f"{mass:g} kg with the inertia of a ball of {radius:.3g} m radius: denser "
-            message += "than any matter" + also * refused
-            severity = self.worst if refused else _below(self.worst)
-            yield DENSE(self.subject, message, severity=severity, data=data)
-        if radius > bounds.radius * (1.0 + ROUNDING):
-            message = f"its inertia is that of a ball of {radius:.3g} m radius with {mass:g} kg"
-            yield RADIUS(self.subject, message, data=data)
+def _size_findings(
+    subject: str, inertial: Inertial, bounds: InertiaBounds, worst: Severity, data: Data
+) -> Iterator[Finding]:
+    mass, radius = inertial.mass_kg, equivalent_radius(inertial)
+    data = {"radius_m": radius, **data}
+    refused = principal_moments(inertial.inertia_com_kg_m2)[0] < LEAST_MOMENT_KG_M2
+    if refused or mass > bounds.density * 4.0 / 3.0 * math.pi * radius**3:
+        also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²"
+        message = f"{mass:g} kg with the inertia of a ball of {radius:.3g} m radius: denser "
+        message += "than any matter" + also * refused
+        yield DENSE(subject, message, severity=worst if refused else _below(worst), data=data)
+    if radius > bounds.radius * (1.0 + ROUNDING):
+        message = f"its inertia is that of a ball of {radius:.3g} m radius with {mass:g} kg"
+        yield RADIUS(subject, message, data=data)
 
 
 def _below(worst: Severity) -> Severity:

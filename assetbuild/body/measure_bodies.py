@@ -68,11 +68,11 @@ class MeasureBodies(Step):
 
 def measure(tree: Tree, control: Control) -> Measured:
     """All that the report shows of the bodies and cannot read in the tree."""
-    bodies = []
-    for body in tree.bodies:
-        if body.inertial is not None:
-            semi_axes = ellipsoid(body.inertial)
-            bodies.append(MeasuredBody(body.name, *principal(body.inertial), semi_axes))
+    bodies = [
+        MeasuredBody(body.name, *principal(body.inertial), ellipsoid(body.inertial))
+        for body in tree.bodies
+        if body.inertial is not None
+    ]
     com = center_of_mass(tree, initial_pose(tree, control))
     points = [pose.xyz for pose in forward_kinematics(tree, {}).values()]
     size = max([0.1, *(math.dist(points[0], point) for point in points)])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from assetbuild.body.inertia_rules import MASS, MassProperties
+from assetbuild.body.inertia_rules import MASS, mass_findings
 from assetbuild.body.lint import crossed_limits
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
@@ -26,7 +26,7 @@ def lint_numbers(table: Table) -> Iterator[Finding]:
             yield MASS(f"link {name}", "its mass or its inertia is not a finite number")
         elif mass and any(tensor):
             inertial = Inertial(mass, (0.0, 0.0, 0.0), tensor)
-            judged = MassProperties(f"link {name}", inertial, InertiaBounds(), "error").findings()
+            judged = mass_findings(f"link {name}", inertial, InertiaBounds(), "error")
             yield from (finding for finding in judged if finding.severity == "error")
     for name in table.names("joint"):
         facts = table.of("joint", name)

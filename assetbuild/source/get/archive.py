@@ -13,15 +13,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import IO, ClassVar, Literal
+from pathlib import Path, PurePosixPath
+from typing import IO, ClassVar
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.lfs import refuse_pointer
-
-Kind = Literal["file", "folder", "link", "special", "encrypted"]
 
 MAX_CONTENT = 16 << 30
 """Bytes that a tar may state in all: to list one is to unpack it."""
@@ -53,16 +51,21 @@ _LICENSE = re.compile(
 
 @dataclass(frozen=True)
 class Member:
-    """One entry as the archive states it. packed, size: bytes; open: its bytes as a stream."""
+    """One entry as the archive states it. packed, size: bytes; open: its bytes as a stream.
+
+    odd: why it is neither a regular file nor a folder, or "".
+    """
 
     path: str
-    kind: Kind
+    is_folder: bool
+    odd: str
     size: int
     packed: int
     open: Callable[[], IO[bytes] | None] = field(compare=False, repr=False)
 
 
 Members = tuple[Member, ...]
+LINK, ENCRYPTED, SPECIAL = "is a symbolic link", "is encrypted", "is not a regular file"
 
 
 @contextmanager
@@ -87,18 +90,17 @@ def open_archive(path: Path) -> Iterator[Members]:
 
 
 def _of_zip(file: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
-    mode = info.external_attr >> 16
-    form = stat.S_IFMT(mode) if info.create_system == 3 else 0  # 3 = Unix
-    kind: Kind = "encrypted" if info.flag_bits & 1 else "file"
-    if stat.S_ISLNK(form):
-        kind = "link"
-    elif form not in (0, stat.S_IFREG, stat.S_IFDIR):
-        kind = "special"
-    elif info.filename.endswith("/") or form == stat.S_IFDIR:
-        kind = "folder"
+    form = stat.S_IFMT(info.external_attr >> 16) if info.create_system == 3 else 0  # 3 = Unix
+    is_plain = form in (0, stat.S_IFREG)
+    is_folder = form == stat.S_IFDIR or (is_plain and info.filename.endswith("/"))
+    odd = ENCRYPTED if info.flag_bits & 1 else ""
+    if not is_plain:
+        odd = LINK if form == stat.S_IFLNK else SPECIAL
     # orig_filename: zipfile itself cuts names at a NUL, which would hide what was meant.
-    reading = partial(file.open, info)
-    return Member(info.orig_filename, kind, info.file_size, info.compress_size, reading)
+    path, reading = info.orig_filename, partial(file.open, info)
+    return Member(
+        path, is_folder, "" if is_folder else odd, info.file_size, info.compress_size, reading
+    )
 
 
 def _of_tar(file: tarfile.TarFile) -> Iterator[Member]:
@@ -108,13 +110,14 @@ def _of_tar(file: tarfile.TarFile) -> Iterator[Member]:
         if total > MAX_CONTENT or count > MAX_MEMBERS:
             size = f"{total >> 20} MB in {count} members"
             raise SourceError(f"the archive states {size}; that is no robot")
-        kind: Kind = "file" if info.isreg() and not info.sparse else "special"
-        kind = "link" if info.issym() or info.islnk() else "folder" if info.isdir() else kind
-        path = info.name + "/" if kind == "folder" else info.name
+        odd = "" if info.isdir() or (info.isreg() and not info.sparse) else SPECIAL
+        odd = LINK if info.issym() or info.islnk() else odd
+        path = info.name + "/" if info.isdir() else info.name
         # `tar -c .` puts `./` before every name.
         path = path if path in (".", "./") else path.removeprefix("./")
         # The packed size is that of the whole archive; `unpack` bounds all members by it together.
-        yield Member(path, kind, info.size, info.size, partial(file.extractfile, info))
+        reading = partial(file.extractfile, info)
+        yield Member(path, info.isdir(), odd, info.size, info.size, reading)
 
 
 def why_unsafe(path: str) -> str:
@@ -169,8 +172,9 @@ class ListArchive(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `archive`; SourceError for a broken archive, an unsafe name, a missing root."""
         with open_archive(files.inputs / "archive") as members:
-            odd = [m.path for m in members if m.kind not in ("file", "folder")]
-            regular = (m.path for m in members if m.kind == "file" and not why_unsafe(m.path))
+            odd = [m.path for m in members if m.odd]
+            whole = (m.path for m in members if not (m.is_folder or m.odd))
+            regular = [path for path in whole if not why_unsafe(path)]
             listing = {
                 "files": sorted(_files_below(members, self.root)),
                 "licenses": sorted({path for path in regular if _LICENSE.fullmatch(path)}),
@@ -184,7 +188,7 @@ def _files_below(members: Members, root: str) -> set[str]:
     files: set[str] = set()
     for member in members:
         path = below(root, member.path)
-        if path is None or member.kind == "folder":
+        if path is None or member.is_folder:
             continue
         if reason := why_unsafe(member.path):
             raise _bad(member, f"has {reason}")
@@ -246,7 +250,7 @@ def _wanted(stated: Members, root: str, members: tuple[str, ...]) -> dict[str, M
         by_path[path] = member
     missing = sorted(asked - by_path.keys())
     if missing:
-        known = [p for m in stated if (p := below(root, m.path)) and m.kind == "file"]
+        known = [p for m in stated if (p := below(root, m.path)) and not (m.is_folder or m.odd)]
         message = f"archive: no file `{printable(missing[0])}` below `{root}`"
         raise SourceError(message, hint=did_you_mean(missing[0], known))
     _check_collisions(by_path)
@@ -257,28 +261,21 @@ def _check_member(member: Member) -> None:
     """SourceError for a name that leads elsewhere, and for what is no regular file."""
     if reason := why_unsafe(member.path):
         raise _bad(member, f"has {reason}")
-    if member.kind == "link":
-        raise _bad(member, "is a symbolic link", "links are not followed; name the file itself")
-    if member.kind != "file":
-        raise _bad(
-            member, "is encrypted" if member.kind == "encrypted" else "is not a regular file"
-        )
+    if member.odd or member.is_folder:
+        hint = "links are not followed; name the file itself" if member.odd == LINK else ""
+        raise _bad(member, member.odd or SPECIAL, hint)
 
 
 def _check_collisions(members: dict[str, Member]) -> None:
     """Names that are one file on some disks, and files that other files need as a folder."""
     seen: dict[str, str] = {}
-    for path in sorted(members):
-        same = _on_any_disk(path)
+    for same, path in sorted((_on_any_disk(path), path) for path in members):
         if same in seen:
             other = printable(seen[same])
             raise _bad(members[path], f"and `{other}` differ only in upper and lower case")
+        if any(str(folder) in seen for folder in PurePosixPath(same).parents):
+            raise _bad(members[path], "lies below what is itself a file")
         seen[same] = path
-    for path in sorted(members):
-        parts = _on_any_disk(path).split("/")
-        for n in range(1, len(parts)):
-            if "/".join(parts[:n]) in seen:
-                raise _bad(members[path], "lies below what is itself a file")
 
 
 def _on_any_disk(path: str) -> str:

@@ -11,7 +11,8 @@ from assetbuild.simulators.mujoco import Model, actuators, mj
 from assetbuild.simulators.mujoco.drives import read_drive
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
-from assetbuild.source.mjcf.text import Element, dropped, error_at, where_of
+from assetbuild.source.mjcf.scenery import kind_of
+from assetbuild.source.mjcf.text import Element, dropped, error_at, own_attributes, where_of
 
 KINDS = {
     "dyn": ("none", "integrator", "filter", "filterexact", "muscle", "user"),
@@ -28,7 +29,6 @@ STEADY = frozenset({"none", "filter", "filterexact"})
 STRAIGHT = (0, 1)
 """Transmissions to a joint, which are the same for a hinge and a slide: MuJoCo's `joint` and
 `jointinparent`."""
-_REFS = ("joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite")
 
 
 @dataclass
@@ -237,11 +237,8 @@ def _whole(element: Element, links: Links, index: int) -> str:
         raise error_at(element, f"actuator `{element.get('name')}` of a plug-in", hint)
     known = all(kind in KINDS[part] for part, (kind, _) in law.items())
     beyond = not known or _extended(model, index)
-    attributes = {"name": str(element.get("name"))}
-    for ref in _REFS:
-        if element.get(ref):
-            name = str(element.get(ref))
-            attributes[ref] = links.sites.get(name, name) if "site" in ref else name
+    named = {k: v for k, v in links.renamed(own_attributes(element)).items() if kind_of(k, {})}
+    attributes = {"name": str(element.get("name")), **named}
     over = {attributes.get("joint") or attributes.get("jointinparent")}
     tendons = links.source.root.iterfind("tendon/fixed")
     over |= {

@@ -24,7 +24,7 @@ from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limit
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
 from assetbuild.source.mjcf.compiled import Compiled
 from assetbuild.source.mjcf.opaque import element_text
-from assetbuild.source.mjcf.scenery import hangs
+from assetbuild.source.mjcf.scenery import hangs, kind_of
 from assetbuild.source.mjcf.text import WORLD, Element, bodies, error_at, parts
 
 FREE, BALL, SLIDE = 0, 1, 2
@@ -87,6 +87,13 @@ class Links:
     def in_link(self, body: str, pose: Pose) -> Pose:
         """A pose given in the frame of a body of the source, in the frame of its link."""
         return Pose(_minus(pose.xyz, self.shift.get(body, ORIGIN)), pose.quat)
+
+    def renamed(self, stated: Mapping[str, str]) -> dict[str, str]:
+        """The attributes of an element with sites by their names in the Robot."""
+        sites = self.sites
+        return {
+            k: sites.get(v, v) if kind_of(k, stated) == "site" else v for k, v in stated.items()
+        }
 
     def keep(self, place: str, tag: str, stated: Mapping[str, str], owner: str = "") -> None:
         """Leave attributes to MJCF in alphabetical order, if there are any."""

@@ -27,7 +27,6 @@ from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, ORIGIN, Links
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
-from assetbuild.source.mjcf.scenery import kind_of
 from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, own_attributes, where_of
 
 NOT_READ = ("visual", "statistic", "size", "custom", "extension", "deformable", "skin")
@@ -98,18 +97,13 @@ def read_sections(links: Links, drives: Drives) -> Control:
 def _elements(links: Links, section: str) -> Iterator[tuple[Element, str, dict[str, str]]]:
     """Yield (element, name, attributes) of a section; a site may have another name here."""
     for element in links.source.root.iterfind(f"{section}/*"):
-        stated = links.source.classes.attributes(element)
-        yield element, str(element.get("name")), _translated(links, stated)
-
-
-def _translated(links: Links, stated: Mapping[str, str]) -> dict[str, str]:
-    sites = links.sites
-    return {k: sites.get(v, v) if kind_of(k, stated) == "site" else v for k, v in stated.items()}
+        stated = links.renamed(links.source.classes.attributes(element))
+        yield element, str(element.get("name")), stated
 
 
 def _keep(links: Links, section: str, element: Element, stated: Mapping[str, str]) -> None:
     """Leave an element to MJCF, with its children."""
-    children = ((str(c.tag), _translated(links, own_attributes(c))) for c in element)
+    children = ((str(c.tag), links.renamed(own_attributes(c))) for c in element)
     named = {"name": str(element.get("name"))} if element.get("name") else {}
     text = element_text(str(element.tag), named | dict(sorted(stated.items())), children)
     links.mjcf_only.append(MjcfOnly(section, text))

@@ -9,7 +9,9 @@ from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean, quoted
 from assetbuild.findings import Rule
+from assetbuild.robot.mimic import leading
 from assetbuild.robot.model import (
+    MOVING,
     URDF_UNLIMITED,
     Base,
     Body,
@@ -220,35 +222,24 @@ def _hold_followers(joints: list[Joint], nodes: Mapping[str, Node]) -> list[Join
 
     So are those that follow by a multiplier of 0, which PhysX does not couple. Circles are refused.
     """
-    leader = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
-    for circle in filter(None, (_circle(name, leader) for name in leader)):
+    leader_of = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
+    for circle in filter(None, (_circle(name, leader_of) for name in leader_of)):
         way = " -> ".join(f"`{name}`" for name in circle)
         raise nodes[f"joint {circle[0]}"].error(f"mimic joints follow one another: {way}")
-    by_name = {joint.name: joint for joint in joints}
-
-    def position(joint: Joint) -> float | None:
-        """rad or m; None = it moves."""
-        if joint.kind == "fixed":
-            return 0.0
-        if joint.mimic is None:
-            return None
-        if joint.mimic.multiplier == 0.0:
-            return joint.mimic.offset
-        leader = by_name[joint.mimic.joint]
-        if leader.kind in ("planar", "floating"):
-            raise nodes[f"joint {joint.name}"].error(
-                f"mimic joint `{leader.name}` is {leader.kind}: it has no single position"
-            )
-        at = position(leader)
-        return None if at is None else joint.mimic.offset + joint.mimic.multiplier * at
+    ends = (replace(j, mimic=None) if j.kind == "fixed" else j for j in joints)
+    chains = Tree("", "fixed", (), tuple(ends))
 
     def held(joint: Joint) -> Joint:
-        at = position(joint) if joint.kind != "fixed" else None
-        if joint.mimic is None or at is None:
+        leader, multiplier, at = leading(chains, chains.by_joint[joint.name])
+        if leader.name == joint.name or (multiplier != 0.0 and leader.kind in MOVING):
             return joint
+        node = nodes[f"joint {joint.name}"]
+        if multiplier != 0.0 and leader.kind != "fixed":
+            message = f"mimic joint `{leader.name}` is {leader.kind}: it has no single position"
+            raise node.error(message)
         at += 0.0
         message = f"mimics a joint that is fixed, or with a multiplier of 0: locked at {at:g}"
-        nodes[f"joint {joint.name}"].report(MIMIC_FIXED, message, data={"position": at})
+        node.report(MIMIC_FIXED, message, data={"position": at})
         kind: JointKind = "revolute" if joint.kind == "continuous" else joint.kind
         limits = replace(joint.limits, lower=at, upper=at)
         return replace(joint, kind=kind, mimic=None, limits=limits)
