@@ -59,10 +59,7 @@ class Compiled:
 
     def entry(self, kind: str, name: str) -> Any:  # Any: MuJoCo's view of one
         """Return a body, joint, geom, site, camera, light, key, ... of the model."""
-        try:
-            return getattr(self.model, kind)(name)
-        except KeyError:
-            raise SourceError(f"{kind} `{name}` is not in the compiled model") from None
+        return getattr(self.model, kind)(name)
 
     def id_of(self, kind: str, name: str) -> int:
         """Return the number of an entry."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from assetbuild.errors import one_line
 from assetbuild.facts.mjcf_grammar import Path
 from assetbuild.simulators.mujoco import caught_warnings, mj
 from assetbuild.source.mjcf.compiled import plain, without_meshes
@@ -67,8 +68,7 @@ def write_out(root: Element, load: Callable[[Element], Element], depth: int = 0)
             made = _with_lines(spec.to_xml(), [root, *models.values()])
             _compare(root, models, made, first)
     except ValueError as error:
-        words = " ".join(str(error).split())
-        message = f"MuJoCo does not write <{first.tag}> out: {words}"
+        message = f"MuJoCo does not write <{first.tag}> out: {one_line(error)}"
         raise error_at(first, message) from None
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})

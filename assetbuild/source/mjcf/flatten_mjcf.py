@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import one_line
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
 from assetbuild.findings import Finding
 from assetbuild.mesh.hull import convex_hull
@@ -311,8 +312,7 @@ def _made(mesh: Element, name: str) -> _Triangles:
     try:
         model = mj.MjModel.from_xml_string(text)
     except ValueError as error:
-        words = " ".join(str(error).split())
-        message = f"mesh `{name}`: MuJoCo does not make it: {words}"
+        message = f"mesh `{name}`: MuJoCo does not make it: {one_line(error)}"
         raise error_at(mesh, message) from None
     turn = normalised_quat(tuple(float(v) for v in model.mesh_quat[0]))  # type: ignore[arg-type] # four numbers
     points: Array = np.asarray(model.mesh_vert, dtype=np.float64) @ rotation_of(turn).T

@@ -210,5 +210,5 @@ def _old_style(file: Path) -> str:
 
 
 def _bytes_of(file: Path) -> bytes:
-    """None, if there is no such file."""
+    """The content of a file; nothing where there is no such file."""
     return file.read_bytes() if file.is_file() else b""
