@@ -70,36 +70,26 @@ def _hunks(text: str, file: str, because: str) -> Iterator[PatchText]:
     while at < len(lines):
         line, at = lines[at], at + 1
         if line.startswith("+++ "):
-            name = (
-                line[4:].split("\t")[0].strip().removeprefix("b/")
-            )  # +++ b/urdf/arm.urdf<tab>date
+            path = line[4:].partition("\t")[0]  # +++ b/urdf/arm.urdf<tab>date
+            name = path.strip().removeprefix("b/")
         if not (head := _HUNK.match(line)):
             continue
-        where = Where(file, at)
+        where, body = Where(file, at), list[str]()
         old, new = int(head[1] or 1), int(head[2] or 1)
-        body, start = [], at
         while at < len(lines) and (old > 0 or new > 0 or lines[at].startswith("\\")):
-            sign = lines[at][0]
-            old -= sign in " -\n"
-            new -= sign in " +\n"
-            body.append(lines[at])
-            at += 1
-        find, replace = _side(body, " -\n"), _side(body, " +\n")
+            line, at = lines[at], at + 1
+            if body and line.startswith("\\"):  # the line before has no line end
+                body[-1] = body[-1].rstrip("\n")
+                continue
+            line = " \n" if line == "\n" else line  # an editor removed its blank
+            old -= line[0] in " -"
+            new -= line[0] in " +"
+            body.append(line)
+        find = "".join(line[1:] for line in body if line[0] in " -")
+        replace = "".join(line[1:] for line in body if line[0] in " +")
         if old or new or not name:
             raise RecipeError("the diff is cut off or names no file", where=where)
         if not find:
             hint = "write the diff with lines around the change (`diff -U3`)"
-            raise RecipeError(
-                "a hunk without old lines has no place", where=Where(file, start), hint=hint
-            )
+            raise RecipeError("a hunk without old lines has no place", where=where, hint=hint)
         yield PatchText(file=name, find=find, replace=replace, because=because)
-
-
-def _side(body: list[str], signs: str) -> str:
-    """The lines of a hunk with one of the signs; the last may lack its line end."""
-    kept: list[str] = []
-    for index, line in enumerate(body):
-        if line[0] in signs:
-            unended = index + 1 < len(body) and body[index + 1][0] == "\\"
-            kept.append((line if line == "\n" else line[1:]).rstrip("\n" if unended else ""))
-    return "".join(kept)
