@@ -32,7 +32,7 @@ from assetbuild.plan import Outline, begun, plan
 from assetbuild.plugins import foreign_modules
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
 from assetbuild.recipe.source import Source
-from assetbuild.source.plan import repository, resolve, resolve_git
+from assetbuild.source.plan import resolve
 
 if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
@@ -177,7 +177,9 @@ def write_pin(
     parts: list[Pin | GitPin] = []
     for each, source in moving_sources(loaded, *variants):
         pinned = known.pin_of(source) if known else None
-        pinned = pinned or _resolved(each, source, say)
+        pinned = pinned or resolve(
+            source, each.folder, each.world, lambda line: say(line) if "MB)" in line else None
+        )
         if each is loaded:
             robot_pin = pinned
         else:
@@ -189,12 +191,3 @@ def write_pin(
         loaded.world.wrote(path, lock_text(lock).encode())
         say(f"wrote {shown_path(path)}")
     return lock
-
-
-def _resolved(loaded: LoadedRecipe, source: Source, say: Callable[[str], None]) -> Pin | GitPin:
-    if source.git is not None:
-        return resolve_git(
-            source.git, str(source.rev), repository(source, loaded.folder, loaded.world)
-        )
-    name, _, version = str(source.pypi).partition("==")
-    return resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)

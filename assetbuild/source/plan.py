@@ -89,31 +89,25 @@ def repository(source: Source, folder: Path, world: World) -> str:
     return str(world.real(folder / Path(git).expanduser()))
 
 
-def resolve(name: str, version: str, *, on_line: OnLine | None = None) -> Pin:
-    """Download a wheel to learn its file name, digest and size: what the lock pins.
+def resolve(source: Source, folder: Path, world: World, on_line: OnLine) -> Pin | GitPin:
+    """Download what a moving source is now, to learn what the lock pins of it.
 
-    on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). Errors as
-    `Fetch.run`.
+    folder: of the recipe. on_line: gets pip's own lines while it works ("Downloading ... (131.1
+    MB)"). Errors as those of `Fetch` and `FetchGit`.
     """
-    with TemporaryDirectory(prefix=".fetch-") as folder:
-        wheel = downloaded_wheel(name, version, Path(folder), on_line)
-        size = wheel.stat().st_size
-        digest = digest_file(wheel)
-        return Pin(pypi=f"{name}=={version}", file=wheel.name, sha256=digest, size=size)
-
-
-def resolve_git(git: str, rev: str, url: str) -> GitPin:
-    """The commit that a branch, tag or commit stands for now, and the digest of its files.
-
-    git: as the recipe spells it; url: where it is from here. Errors as `FetchGit.run`.
-    """
-    with TemporaryDirectory(prefix=".git-") as temporary:
-        folder = Path(temporary)
-        commit = rev if COMMIT.fullmatch(rev) else commit_of(url, rev, folder)
-        target = folder / "archive.tar"
-        export_commit(url, commit, folder, target)
-        size = target.stat().st_size
-        return GitPin(git=git, rev=rev, commit=commit, sha256=tree_digest(target), size=size)
+    with TemporaryDirectory(prefix=".fetch-") as temporary:
+        scratch = Path(temporary)
+        if source.git is None:
+            name, _, version = str(source.pypi).partition("==")
+            wheel = downloaded_wheel(name, version, scratch, on_line)
+            size, digest = wheel.stat().st_size, digest_file(wheel)
+            return Pin(pypi=str(source.pypi), file=wheel.name, sha256=digest, size=size)
+        url, rev = repository(source, folder, world), str(source.rev)
+        commit = rev if COMMIT.fullmatch(rev) else commit_of(url, rev, scratch)
+        target = scratch / "archive.tar"
+        export_commit(url, commit, scratch, target)
+        size, digest = target.stat().st_size, tree_digest(target)
+        return GitPin(git=source.git, rev=rev, commit=commit, sha256=digest, size=size)
 
 
 def description_of(

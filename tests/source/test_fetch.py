@@ -14,9 +14,12 @@ from pathlib import Path
 import pytest
 
 from assetbuild.engine.step import Files
+from assetbuild.engine.world import World
 from assetbuild.errors import LockError, MachineError, SourceError
+from assetbuild.lock import GitPin, Pin
+from assetbuild.recipe.source import Source
 from assetbuild.source.get import fetch
-from assetbuild.source.get.fetch import Fetch
+from assetbuild.source.get.fetch import Fetch, OnLine
 from assetbuild.source.plan import resolve
 
 WHEEL = "tiny_robots-1.2.0-py3-none-any.whl"
@@ -63,6 +66,11 @@ def step(path: Path, **changes: str) -> Fetch:
     return Fetch(**(fields | changes))
 
 
+def pin_of(version: str, on_line: OnLine = print) -> Pin | GitPin:
+    source = Source(pypi=f"tiny-robots=={version}", urdf="tiny.urdf", license="MIT")
+    return resolve(source, Path(), World(), on_line)
+
+
 def test_the_archive_is_the_wheel_and_nothing_else_is_left(index, files):
     assert list(step(index / WHEEL).run(files)) == []
     assert (files.outputs / "archive").read_bytes() == (index / WHEEL).read_bytes()
@@ -86,7 +94,7 @@ def test_another_file_of_the_same_version_is_refused(index, files):
 
 def test_resolving_tells_what_a_lock_pins(index):
     lines: list[str] = []
-    pin = resolve("tiny-robots", "1.2.0", on_line=lines.append)
+    pin = pin_of("1.2.0", lines.append)
     data = (index / WHEEL).read_bytes()
     assert (pin.pypi, pin.file, pin.size) == ("tiny-robots==1.2.0", WHEEL, len(data))
     assert pin.sha256 == hashlib.sha256(data).hexdigest()
@@ -95,7 +103,7 @@ def test_resolving_tells_what_a_lock_pins(index):
 
 def test_a_missing_version_names_the_nearest_there_is(index):
     with pytest.raises(SourceError) as caught:
-        resolve("tiny-robots", "1.2.1")
+        pin_of("1.2.1")
     assert caught.value.message == "no wheel of tiny-robots==1.2.1 on the index"
     assert caught.value.hint == "did you mean `1.2.0`?"
     assert caught.value.exit_code == 2
@@ -108,7 +116,7 @@ def test_a_source_distribution_is_not_taken(index):
     (source / "setup.py").write_text("raise SystemExit('a source distribution runs code')")
     shutil.make_archive(str(source), "gztar", index, "tiny_robots-1.2.0")
     with pytest.raises(SourceError, match="no wheel of") as caught:
-        resolve("tiny-robots", "1.2.0")
+        pin_of("1.2.0")
     assert "only wheels" in caught.value.hint
 
 
@@ -119,7 +127,7 @@ def test_without_a_network_the_machine_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
     monkeypatch.setenv("PIP_RETRIES", "1")
     with pytest.raises(MachineError) as caught:
-        resolve("tiny-robots", "1.2.0")
+        pin_of("1.2.0")
     assert "no package index could be reached" in caught.value.message
     assert "refused" in caught.value.message
     assert "\n" not in caught.value.message
@@ -131,4 +139,4 @@ def test_a_missing_pip_is_named(monkeypatch, tmp_path):
     fake.chmod(0o755)
     monkeypatch.setattr(fetch.sys, "executable", str(fake))
     with pytest.raises(MachineError, match="pip is not installed"):
-        resolve("tiny-robots", "1.2.0")
+        pin_of("1.2.0")
