@@ -68,7 +68,7 @@ def write_out(root: Element, load: Callable[[Element], Element], depth: int = 0)
             made = _with_lines(spec.to_xml(), [root, *models.values()])
             _compare(root, models, made, first)
     except ValueError as error:
-        message = f"MuJoCo does not write <{first.tag}> out: {one_line(error)}"
+        message = f"MuJoCo does not write <{first.tag}> out: {one_line(error, 1000)}"
         raise error_at(first, message) from None
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})

@@ -312,7 +312,7 @@ def _made(mesh: Element, name: str) -> _Triangles:
     try:
         model = mj.MjModel.from_xml_string(text)
     except ValueError as error:
-        message = f"mesh `{name}`: MuJoCo does not make it: {one_line(error)}"
+        message = f"mesh `{name}`: MuJoCo does not make it: {one_line(error, 1000)}"
         raise error_at(mesh, message) from None
     turn = normalised_quat(tuple(float(v) for v in model.mesh_quat[0]))  # type: ignore[arg-type] # four numbers
     points: Array = np.asarray(model.mesh_vert, dtype=np.float64) @ rotation_of(turn).T
