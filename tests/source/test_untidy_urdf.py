@@ -105,7 +105,7 @@ TAKEN = {
     "two origins": (robot(joint=f'{ORIGIN}\n<origin xyz="4 5 6"/>{AXIS}{LIMIT}'), 5, "urdf.repeated", "py"),
     "two limits": (robot(joint=f'{ORIGIN}{AXIS}{LIMIT}\n<limit effort="1" velocity="1"/>'), 5, "urdf.repeated", "py"),
     "two parents": (robot(ends='<parent link="base"/><parent link="arm"/><child link="arm"/>'), 4, "urdf.repeated", "py"),
-    "one material twice": (robot(extra='<material name="a"><color rgba="1 0 0 1"/></material>\n<material name="a"><color rgba="1  0 0 1"/></material>'), 6, "urdf.repeated", "ym"),
+    "one material twice": (robot(extra='<material name="a"><color rgba="1 0 0 1"/></material>\n<material name="a"><color rgba="1.  0 0 1"/></material>'), 6, "urdf.repeated", "ym"),
     "commas and blanks": (robot(joint='<origin xyz="1, 2, 3" rpy="0.1 0.2 0.3"/>' + AXIS + LIMIT), 4, "urdf.separators", ""),
     "commas alone": (robot(joint='<origin xyz="1,2,3" rpy="0.1 0.2 0.3"/>' + AXIS + LIMIT), 4, "urdf.separators", ""),
     "a comma at the end": (robot(joint='<origin xyz="1 2 3," rpy="0.1 0.2 0.3"/>' + AXIS + LIMIT), 4, "urdf.separators", ""),

@@ -207,12 +207,19 @@ def _remove_same_materials(root: Node) -> None:
     for material in root.all("material"):
         name = material.get("name") or ""
         stated = [(c.tag, sorted(c.element.items())) for c in material.all("*")]
-        look = [(tag, [(key, text.split()) for key, text in items]) for tag, items in stated]
+        look = [(tag, [(key, _values(str(text))) for key, text in items]) for tag, items in stated]
         if name in seen and seen[name] == look:
             material.remove()
             text, data = _repeated(root, material)
             root.about(f"material {name}").report(REPEATED, text, data=data)
         seen.setdefault(name, look)
+
+
+def _values(text: str) -> list[float] | list[str]:
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return text.split()
 
 
 def _counts(node: Node) -> Iterator[tuple[str, int, str]]:
