@@ -5,7 +5,6 @@ And what it can become, and where its masses contradict its shapes.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
@@ -21,7 +20,7 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.draft import Draft, patterns_of, plain, some
 from assetbuild.init.source import UrdfSource
-from assetbuild.mesh.companions import companions_of, format_of
+from assetbuild.mesh.companions import companions_of
 from assetbuild.mesh.hull import hull_or_points
 from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.primitives import tessellate
@@ -48,12 +47,20 @@ from assetbuild.source.urdf.read_urdf import WORLD_JOINT
 
 
 @dataclass(frozen=True)
+class _Outline:
+    """What is kept of a shape. up_axis: of a mesh that states another one than Z."""
+
+    hull: TriangleMesh | None = None
+    up_axis: str | None = None
+
+
+@dataclass(frozen=True)
 class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
 
     source_findings: what the reader of the source said. planar: joints of the source that are split
     into joints of one coordinate, which all formats hold. root: folder of the source's files.
-    turned: paths of the meshes that the recipe turns as their files say. hulls: see `hull_of`.
+    turned: paths of the meshes that the recipe turns as their files say. outlines: see `hull_of`.
     """
 
     links: Tree
@@ -65,7 +72,7 @@ class InspectedRobot:
     planar: tuple[str, ...] = ()
     root: Path = Path()
     turned: frozenset[str] = frozenset()
-    hulls: dict[tuple[SourceGeometry, UpAxis], TriangleMesh | None] = field(
+    outlines: dict[tuple[SourceGeometry, UpAxis], _Outline] = field(
         default_factory=dict, compare=False
     )
 
@@ -95,9 +102,8 @@ class InspectedRobot:
     @cached_property
     def up_axes(self) -> dict[str, str]:
         """Return the up axis of each mesh that states another one than Z, by its path."""
-        meshes = (shape.geometry for shape in self.shapes.shapes)
-        paths = dict.fromkeys(mesh.path for mesh in meshes if isinstance(mesh, MeshFile))
-        return {path: axis for path in paths if (axis := stated_axis(self.root / path))}
+        meshes = [s.geometry for s in self.shapes.shapes if isinstance(s.geometry, MeshFile)]
+        return {mesh.path: axis for mesh in meshes if (axis := self._outline(mesh).up_axis)}
 
     @cached_property
     def at_zero(self) -> dict[str, Pose]:
@@ -119,9 +125,9 @@ class InspectedRobot:
             clouds = []
             for shape in self.shapes.of(role):
                 carrier, X_body_shape = self.tree.shape_placement(shape)
-                points = points_of(self.root, shape.geometry) if carrier == body else None
-                if points is not None:
-                    clouds.append(X_body_shape.apply(points))
+                read = read_points(self.root, shape.geometry) if carrier == body else None
+                if read is not None:
+                    clouds.append(X_body_shape.apply(read[0]))
             if clouds:
                 yield np.concatenate(clouds)
 
@@ -137,11 +143,14 @@ class InspectedRobot:
 
     def hull_of(self, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> TriangleMesh | None:
         """Return the hull in the frame of the shape, without faces if flat, or None if unread."""
+        return self._outline(geometry, up_axis).hull
+
+    def _outline(self, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> _Outline:
         key = (geometry, up_axis)
-        if key not in self.hulls:
-            points = points_of(self.root, geometry, up_axis)
-            self.hulls[key] = None if points is None else hull_or_points(points)
-        return self.hulls[key]
+        if key not in self.outlines:
+            read = read_points(self.root, geometry, up_axis)
+            self.outlines[key] = _Outline(hull_or_points(read[0]), read[1]) if read else _Outline()
+        return self.outlines[key]
 
     def is_flat(self, geometry: SourceGeometry) -> bool:
         """Return whether the geometry can be read and spans no volume."""
@@ -204,14 +213,16 @@ LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
 
-def points_of(root: Path, geometry: SourceGeometry, up_axis: UpAxis = "ignore") -> Array | None:
-    """Return the points that a face uses, (n, 3) m, in the frame of the shape.
+def read_points(
+    root: Path, geometry: SourceGeometry, up_axis: UpAxis = "ignore"
+) -> tuple[Array, str | None] | None:
+    """Return the points that a face uses, (n, 3) m, in the frame of the shape; its up axis.
 
     None for a mesh that the build would refuse, or that is too large. root: the folder that the
-    mesh's path starts from.
+    mesh's path starts from. The axis is that of a mesh that states another one than Z.
     """
     if not isinstance(geometry, MeshFile):
-        return tessellate(geometry).vertices
+        return tessellate(geometry).vertices, None
     path, subject = root / geometry.path, geometry.path
     format = FORMATS.get(path.suffix.lower())
     try:
@@ -224,27 +235,7 @@ def points_of(root: Path, geometry: SourceGeometry, up_axis: UpAxis = "ignore") 
     except (StepError, OSError):
         return None
     used = [part.mesh.vertices[part.mesh.is_used] for part in read.parts]
-    points: Array = np.concatenate(used) * np.array(geometry.scale)
-    return points
-
-
-HEAD = 1 << 16
-"""Bytes in which a COLLADA file tells its axis: its asset comes first."""
-_AXIS = re.compile(rb"<asset\b(?:.*?<up_axis>\s*(\w+)\s*<)?", re.DOTALL)
-
-
-def stated_axis(file: Path) -> str:
-    """Return the up axis that a mesh states, in COLLADA's words; "" for Z, or if it states none."""
-    format = format_of(file.name)
-    if format in ("glb", "gltf"):
-        return "Y_UP"
-    try:
-        with file.open("rb") as opened:
-            asset = _AXIS.search(opened.read(HEAD)) if format == "dae" else None
-    except OSError:
-        return ""
-    axis = (asset[1] or b"Y_UP").decode("ascii", "replace") if asset else ""
-    return axis if axis != "Z_UP" else ""
+    return np.concatenate(used) * np.array(geometry.scale), read.up_axis
 
 
 def turned(robot: InspectedRobot) -> frozenset[str]:
