@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from assetbuild.control.close_loops import (
 from assetbuild.control.findings import actuator_findings, contact_findings, row_findings
 from assetbuild.control.ground import Ground, placed_base, with_reach
 from assetbuild.control.senses import check_sensors, contacts, placed_cameras, placed_sensors
-from assetbuild.control.source_control import StatedControl, join, joined_keyframes
+from assetbuild.control.source_control import StatedControl, join, source_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, meant_pattern
 from assetbuild.findings import Finding, Rule
@@ -142,9 +142,9 @@ class ControlStep(Step):
             check_locked(tree, loops, start, driven, rows)
         return closed
 
-    def _poses(self, tree: model.Tree, source: Iterable[model.Keyframe]) -> list[model.Keyframe]:
+    def _poses(self, tree: model.Tree, source: Sequence[model.Keyframe]) -> list[model.Keyframe]:
         """Return the pose of each keyframe; without joints, that of the source's of its name."""
-        of_source = {key.name: key for key in joined_keyframes((), tuple(source), tree, {})}
+        of_source = {key.name: key for key in source_keyframes(source, tree)}
         return [
             of_source[name]
             if not keyframe.joints and name in of_source
@@ -171,9 +171,9 @@ class ControlStep(Step):
         for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
-        actuators = self._resolved(
-            tree, joined_keyframes(poses, said.keyframes, tree, parts), loops
-        )
+        of_source = source_keyframes(said.keyframes, tree, parts)
+        kept = [key for key in of_source if key.name not in self.keyframes]
+        actuators = self._resolved(tree, [*poses, *kept], loops)
         yield from row_findings(self.rows, tree, actuators)
 
         ground, turn = Ground(tree, shapes, robot.mesh_dir), root_pose(said.mjcf_only).quat
@@ -189,7 +189,7 @@ class ControlStep(Step):
         yield from _same_body_findings(tree, self.exclude)
         control = model.Control(
             actuators=actuators,
-            keyframes=tuple(keyframes),
+            keyframes=(*keyframes, *kept),
             excludes=_excludes(tree, shapes, self.exclude, self.sides, loops),
             contact=self.contact.common,
             contacts=contacts(shapes, self.contact, self.common_surfaces),
@@ -199,11 +199,11 @@ class ControlStep(Step):
             loops=loops,
         )
         if source is not None:
-            recipe = StatedControl(self.sides, self.rows, self.contact.links, parts)
+            recipe = StatedControl(self.sides, self.rows, self.contact.links)
             control, findings = join(control, source, tree, shapes, recipe)
             yield from findings
             if loops:
-                kept, start = control.keyframes[len(poses) :], initial_pose(tree, control)
+                start = initial_pose(tree, control)
                 yield from source_findings(tree, loops, kept, start, driven)
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         control, below = with_reach(tree, control, ground)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TypeVar
 
 from assetbuild.control.only_mjcf import commands_of, explain_gears, explain_opaque, wider_excludes
@@ -23,7 +24,6 @@ from assetbuild.robot.model import (
     Control,
     Keyframe,
     MjcfOnly,
-    Place,
     Sensor,
     Simulation,
     Tree,
@@ -51,13 +51,12 @@ NEW_SURFACE = Rule(
 @dataclass(frozen=True)
 class StatedControl:
     """What the recipe says. sides: see `Side`; rows: of the actuator table; surfaces: by pattern
-    of links; poses: of parts in keyframes that only the base's source has, by joint.
+    of links.
     """
 
     sides: Sequence[Side] = (Side(from_mjcf=True),)
     rows: tuple[ActuatorRow, ...] = ()
     surfaces: Mapping[str, Surface] = field(default_factory=dict)
-    poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def base(self) -> Side:
@@ -79,26 +78,24 @@ def join(
 ) -> tuple[Control, list[Finding]]:
     """The source's words where the recipe has none, and what is said about joining.
 
-    control: as the recipe alone makes it.
+    control: as the recipe alone makes it, but with the keyframes of both.
     """
     source_control, findings = source.control, list[Finding]()
-    bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
-    keyframes = joined_keyframes(control.keyframes, source_control.keyframes, tree, stated.poses)
     actuators = _actuators(control, source_control, stated, tree)
     now = {actuator.joint: actuator for actuator in actuators}
-    kept = _kept(source_control, bodies, shapes, stated, findings)
+    kept = _kept(source_control, tree, shapes, stated, findings)
     mjcf_only = tuple(of_same_effort(kept, source_control.by_joint, now))
-    mjcf_only += tuple(commands_of(source, keyframes, stated.replaces, stated.has_table))
+    mjcf_only += tuple(commands_of(source, control.keyframes, stated.replaces, stated.has_table))
+    sensors = [s for s in source_control.sensors if not _lost_bodies(s, tree, findings)]
     joined = replace(
         control,
         actuators=actuators,
-        keyframes=keyframes,
-        excludes=tuple(sorted({*control.excludes, *bodies.pairs(source_control.excludes)})),
+        excludes=tuple(sorted({*control.excludes, *_excludes(source_control, tree)})),
         contact=contact,
         contacts=contacts,
         simulation=_simulation(control.simulation, source_control.simulation, stated.base),
-        sensors=_by_name(control.sensors, [s for s in source_control.sensors if bodies.has_all(s)]),
+        sensors=_by_name(control.sensors, sensors),
         cameras=_by_name(control.cameras, source_control.cameras),
         mjcf_only=mjcf_only,
     )
@@ -140,24 +137,19 @@ def _actuators(
     return tuple(chosen(actuator) for actuator in control.actuators)
 
 
-def joined_keyframes(
-    recipe: Sequence[Keyframe],
+def source_keyframes(
     source: Sequence[Keyframe],
     tree: Tree,
-    poses: Mapping[str, Mapping[str, float]],
-) -> tuple[Keyframe, ...]:
-    """The recipe's first, then those of the source that it does not say anew."""
-    taken = {key.name for key in recipe}
+    poses: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> Iterator[Keyframe]:
+    """The source's keyframes on this tree. poses: of a composite's parts, by keyframe and joint."""
     order = [joint.name for joint in tree.moving_joints]
-    more = []
     for key in source:
-        if key.name not in taken:
-            values = _split_balls(key, tree) | dict(key.joints) | dict(poses.get(key.name, {}))
-            joints = tuple((name, values.get(name, 0.0)) for name in order)
-            base = key.base if tree.base == "floating" else None
-            turns = tuple(row for row in key.turns if row[0] in tree.by_joint)
-            more.append(Keyframe(key.name, joints, base, turns))
-    return (*recipe, *more)
+        values = _split_balls(key, tree) | dict(key.joints) | dict(poses.get(key.name, {}))
+        joints = tuple((name, values.get(name, 0.0)) for name in order)
+        base = key.base if tree.base == "floating" else None
+        turns = tuple(row for row in key.turns if row[0] in tree.by_joint)
+        yield Keyframe(key.name, joints, base, turns)
 
 
 def _split_balls(key: Keyframe, tree: Tree) -> dict[str, float]:
@@ -234,7 +226,7 @@ def _contacts(
 
 def _kept(
     source_control: Control,
-    bodies: _Bodies,
+    tree: Tree,
     shapes: Shapes,
     stated: StatedControl,
     findings: list[Finding],
@@ -269,12 +261,12 @@ def _kept(
             continue
         elif item.place == "option":
             yield _unsaid(item, stated.base.stated)
-        elif item.place == "joint" and item.owner not in bodies.joints:
+        elif item.place == "joint" and item.owner not in tree.by_joint:
             message = "an edit replaced the joint: what its MJCF says of it was left out: "
             hint = "state damping, friction and armature of the new joints in `actuators`"
             where = f"joint {item.owner}"
             findings.append(dropped("joint", where, message + item.element, hint, "warning"))
-        elif bodies.keeps(item):
+        elif not _lost_bodies(item, tree, findings):
             yield item
         elif item.place == "camera":
             yield without(item, ("mode", "target"))
@@ -311,43 +303,37 @@ def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     return without(item, keys)
 
 
-class _Bodies:
-    """Which bodies of the source are still bodies."""
+def _excludes(source_control: Control, tree: Tree) -> Iterator[tuple[str, str]]:
+    """The source's pairs, between the bodies that their links became part of."""
+    for pair in source_control.excludes:
+        a, b = sorted(tree.placement(link)[0] for link in pair)
+        if a != b:
+            yield a, b
 
-    def __init__(self, tree: Tree, findings: list[Finding]) -> None:
-        self._tree, self._findings, self.joints = tree, findings, tree.by_joint
 
-    def pairs(self, pairs: tuple[tuple[str, str], ...]) -> Iterator[tuple[str, str]]:
-        """Excluded pairs, between the bodies that their links became part of."""
-        for pair in pairs:
-            a, b = sorted(self._tree.placement(link)[0] for link in pair)
-            if a != b:
-                yield a, b
+def _lost_bodies(thing: Sensor | MjcfOnly, tree: Tree, findings: list[Finding]) -> list[str]:
+    """The bodies that it stands on or names, and that were merged into others; one is reported."""
+    what, names = _bodies_of(thing)
+    lost = [name for name in names if name != "world" and name not in tree.by_body]
+    for name in lost[:1]:
+        message = f"{what} was left out: its body `{name}` was merged into another"
+        hint = f"name `{name}` in `fixed_joints.keep_bodies`"
+        findings.append(dropped(what, f"link {name}", message, hint, "warning"))
+    return lost
 
-    def has_all(self, sensor: Sensor) -> bool:
-        """Whether the bodies are there that a sensor looks at."""
-        places = [place for place in (sensor.at, sensor.relative_to) if place]
-        return all(self._has(place, f"sensor `{sensor.name}`") for place in places)
 
-    def keeps(self, item: MjcfOnly) -> bool:
-        """Whether the bodies are there that an element stands on or names."""
-        element = parsed(item)
-        names = [value for key in BODY_NAMES if (value := element.get(key))]
-        names += [
-            element.get(f"{side}name", "")
-            for side in ("obj", "ref")
-            if element.get(f"{side}type") in ("body", "xbody")
-        ]
-        if item.place in ("body", "root") and item.owner:
-            names.append(item.owner)
-        what = f"<{element.tag}> `{element.get('name', '')}`"
-        return all(self._has(Place("body", name), what) for name in names)
-
-    def _has(self, place: Place, what: str) -> bool:
-        if place.kind != "body" or place.name == "world" or place.name in self._tree.by_body:
-            return True
-        message = f"{what} was left out: its body `{place.name}` was merged into another"
-        hint = f"name `{place.name}` in `fixed_joints.keep_bodies`"
-        lost = dropped(what, f"link {place.name}", message, hint, "warning")
-        self._findings.append(lost)
-        return False
+def _bodies_of(thing: Sensor | MjcfOnly) -> tuple[str, list[str]]:
+    """What to call it, and the bodies that it stands on or names."""
+    if isinstance(thing, Sensor):
+        places = [place for place in (thing.at, thing.relative_to) if place]
+        return f"sensor `{thing.name}`", [p.name for p in places if p.kind == "body"]
+    element = parsed(thing)
+    names = [value for key in BODY_NAMES if (value := element.get(key))]
+    names += [
+        element.get(f"{side}name", "")
+        for side in ("obj", "ref")
+        if element.get(f"{side}type") in ("body", "xbody")
+    ]
+    if thing.place in ("body", "root") and thing.owner:
+        names.append(thing.owner)
+    return f"<{element.tag}> `{element.get('name', '')}`", names

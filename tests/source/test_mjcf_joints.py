@@ -14,7 +14,7 @@ from tiny import TinyRobot, box_inertial
 
 from assetbuild.checks.gains import Gains
 from assetbuild.checks.mjcf_source import MjcfSource
-from assetbuild.control.source_control import joined_keyframes
+from assetbuild.control.source_control import source_keyframes
 from assetbuild.errors import SourceError, StepError
 from assetbuild.plugin_types import Target
 from assetbuild.robot import chains
@@ -92,7 +92,7 @@ def test_the_hinges_of_a_split_ball_stand_as_the_keyframe_says():
     assert made == pytest.approx(turn, abs=1e-12)
     tree = chains.split(base("ball"), frozenset({"base"}))
     stated = Keyframe("home", (("arm", 0.5),), None, (("base", turn),))
-    (key,) = joined_keyframes((), [stated], tree, {})
+    (key,) = source_keyframes([stated], tree)
     assert dict(key.joints) == {
         "base_x": angles[0], "base_y": angles[1], "base_z": angles[2], "arm": 0.5
     }  # fmt: skip
