@@ -14,7 +14,7 @@ from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.tune import Tuning
+from assetbuild.init.trial import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Mimic, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -181,11 +181,6 @@ PRESSED = (0.95, 0.99, 0.001, 0.5, 2)
 SOFTNESS = ("condim", "priority", "solref", "solimp")
 
 
-def driven_by(tuning: Tuning | None) -> set[str]:
-    """Joints that get a drive of ours."""
-    return {name for row in tuning.drives if row.gains for name in row.joints} if tuning else set()
-
-
 def hand_of(
     robot: InspectedRobot, anatomy: Anatomy, tree: Tree, driven: Collection[str]
 ) -> list[str]:
@@ -250,7 +245,8 @@ def mjcf_hand(
     robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
 ) -> list[str]:
     """Return the links of `hand_of`; an actuator of a tendon counts as driving every joint."""
-    driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
+    driven = {row.joint for row in control.actuators if row.model != "passive"}
+    driven |= tuning.driven if tuning else set()
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         driven = {joint.name for joint in robot.tree.moving_joints}
     return hand_of(robot, anatomy, robot.tree, driven)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
+from assetbuild.init.draft import patterns_of
 from assetbuild.init.strength import GRAVITY, Guess
 from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
@@ -37,9 +38,8 @@ SAG = {"rad": 0.05, "m": 0.005}
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
 """Natural frequency of a drive with what it moves: no slower, no faster."""
-FIRM, FIRMER = 2.0, 4.0
-"""Times the stiffness at which a robot on two legs would just tip over: see `_tipping`. The joints
-of a leg yield one after another, so that twice is not always enough."""
+FIRM = 2.0
+"""Times the stiffness at which a robot on two legs would just tip over: see `_tipping`."""
 TABLE = 3
 FASTEST_LEG_HZ = 6.0
 """The same of a standing leg under its share of the robot: stiffer ones bounce."""
@@ -118,6 +118,11 @@ class DriveRow:
             keys["armature"] = self.armature
         keys |= dict.fromkeys(self.drops, 0)
         return keys | ({"guessed": True} if self.guess else {})
+
+    def table(self, tree: Tree) -> Iterator[dict[str, object]]:
+        """The rows of the recipe, one for each pattern that the names of its joints need."""
+        for pattern in patterns_of(self.joints, [joint.name for joint in tree.moving_joints]):
+            yield {"joints": pattern, **self.keys}
 
     def outruns(self, step_s: float) -> bool:
         """Whether a leg's drive acts faster than steps of this length can follow."""

@@ -5,7 +5,7 @@ And what it can become, and where its masses contradict its shapes.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,15 +14,16 @@ from typing import get_args
 import numpy as np
 
 from assetbuild.body.lint import LintBodies, LintLinks
-from assetbuild.engine.scratch import scratch
+from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.draft import Draft, patterns_of, plain, some
 from assetbuild.init.source import UrdfSource
 from assetbuild.mesh.companions import companions_of
-from assetbuild.mesh.hull import hull_or_points
+from assetbuild.mesh.hull import capped, hull_or_points
 from assetbuild.mesh.hulls import extent_of
+from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import TriangleMesh
@@ -40,7 +41,16 @@ from assetbuild.robot.contradictions import (
 from assetbuild.robot.inertia import move_inertial, principal_moments
 from assetbuild.robot.model import Base, Joint, Tree
 from assetbuild.robot.pose import Array, Pose, vec3
-from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShapes
+from assetbuild.robot.shapes import (
+    Geometry,
+    Mesh,
+    MeshAsset,
+    MeshFile,
+    Shape,
+    Shapes,
+    SourceGeometry,
+    SourceShapes,
+)
 from assetbuild.robot.tree import forward_kinematics, merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.read_urdf import WORLD_JOINT
@@ -173,6 +183,34 @@ class InspectedRobot:
                 clouds.setdefault(body, []).append(X_body_shape.apply(hull.vertices))
         return {body: extent_of(clouds[body]) for body in clouds if body not in unread}
 
+    def simplified(self, links: Sequence[str], ports: Scratch) -> Shapes:
+        """Write the hulls to `meshes/`; shapes that are flat or cannot be read are left out.
+
+        The shapes are those of the links that collide; a link without any is taken as it is drawn.
+        """
+        (ports.folder / "meshes").mkdir()
+        of_links = [[shape for shape in self.shapes.shapes if shape.link == link] for link in links]
+        used = (s for all in of_links for s in [s for s in all if s.role == "collision"] or all)
+        shapes, assets = [], []
+        for index, shape in enumerate(used):
+            name, source = f"shape_{index}", shape.geometry
+            geometry: Geometry
+            if isinstance(source, MeshFile):
+                hull = self.hull_of(source, "honour" if source.path in self.turned else "ignore")
+                if hull is None or not len(hull.faces):
+                    continue
+                hull = capped(hull, CORNERS, None, subject=name)
+                asset = MeshAsset(
+                    name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True
+                )
+                ports.put(f"meshes/{asset.file}", obj_bytes(hull))
+                assets.append(asset)
+                geometry = Mesh(asset.name)
+            else:
+                geometry = source
+            shapes.append(Shape(name, shape.link, "collision", geometry, shape.X_link_shape))
+        return Shapes(tuple(shapes), (), tuple(assets))
+
 
 def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
@@ -209,6 +247,8 @@ def zeroed(tree: Tree) -> list[str]:
 
 
 FORMATS: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
+CORNERS = 64
+"""Most vertices of a simplified hull."""
 LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 

@@ -35,8 +35,7 @@ from assetbuild.init.sections import (
     put_validation,
 )
 from assetbuild.init.strength import bounds, with_efforts
-from assetbuild.init.trial import Trial, staged
-from assetbuild.init.tune import Tuning, tune
+from assetbuild.init.trial import Trial, Tuning, staged, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
@@ -187,8 +186,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     stated = joint_springs(control.mjcf_only)
     is_sprung = 2 * len(stated) > len(alone) and not anatomy.walks_on
     idle = robot.tree.moving_joints and not (_driven(control) or is_sprung)
-    tuning, tried = _tuned(source, anatomy) if idle else (None, None)
-    unmended = tried.unmended if tried else ()
+    tuning = _tuned(source, anatomy) if idle else None
+    unmended = tuning.trial.unmended if tuning else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
@@ -221,18 +220,12 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     return Proposal(path, draft.text, unmended)
 
 
-def _tuned(source: MjcfSource, anatomy: Anatomy) -> tuple[Tuning, Trial]:
+def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = source.robot, source.control
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
     with staged(robot, soles_of(robot, anatomy), whole=False) as stage:
-        return tune(
-            robot.tree,
-            anatomy,
-            lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep),
-            rotors,
-            control.simulation.timestep,
-        )
+        return tune(stage, anatomy, rotors, control.simulation.timestep)
 
 
 def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:

@@ -12,7 +12,6 @@ from assetbuild.body.lint import MIMIC_LIMITS, invented
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import (
     compound_pairs,
-    driven_by,
     hand_of,
     note_loops,
     put_collision,
@@ -28,8 +27,7 @@ from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, resting
-from assetbuild.init.trial import Trial, staged
-from assetbuild.init.tune import LIGHT_KG, Tuning, tune
+from assetbuild.init.trial import LIGHT_KG, Trial, Tuning, staged, tune
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.contradictions import contradictions
@@ -76,15 +74,11 @@ def urdf_recipe(
     tree = whole.tree
     soles = soles_of(whole, anatomy)
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
-    with staged(whole, soles) as stage:
-        depths = stage.depths(exclude)
-        tuning, trial = tune(
-            tree,
-            anatomy,
-            lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep, exclude),
-            depths=depths,
-        )
+    with staged(whole, soles, exclude) as stage:
+        depths = stage.depths()
+        tuning = tune(stage, anatomy, {}, depths=depths)
         left, inside = depths(tuning.pose), made_so(tree, depths, tuning.pose)
+    trial = tuning.trial
     guessed = tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed)]
     opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)
@@ -104,7 +98,7 @@ def urdf_recipe(
     put_actuators(draft, tuning)
     put_home(draft, robot, anatomy, tuning.pose)
     _note_left(draft, left, {*trial.overlaps, *inside})
-    _put_simulation(draft, whole, anatomy, tuning, trial)
+    _put_simulation(draft, whole, anatomy, tuning)
     _put_variants(draft, robot, anatomy)
     return Proposal(path, draft.text, unmended, anatomy.doubt)
 
@@ -200,8 +194,8 @@ def put_actuators(draft: Draft, tuning: Tuning) -> None:
     for row in rows:
         above = [_described(row)]
         above += [f"source {word} ignored: {DROPPED[word]}" for word in row.drops]
-        for pattern in patterns_of(row.joints, [joint.name for joint in moving]):
-            draft.add({"joints": pattern, **row.keys}, "actuators", above=above)
+        for keys in row.table(tuning.tree):
+            draft.add(keys, "actuators", above=above)
             above = ["the rest of these joints: one pattern for all would be too long"]
 
 
@@ -270,11 +264,9 @@ def _soles(robot: InspectedRobot, legs: Sequence[Leg]) -> str:
     return f"({'|'.join((first, *others))})" if others else first
 
 
-def _put_simulation(
-    draft: Draft, robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning, trial: Trial
-) -> None:
+def _put_simulation(draft: Draft, robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning) -> None:
     legs, tree = anatomy.legs, tuning.tree
-    hand = hand_of(robot, anatomy, tree, driven_by(tuning))
+    hand = hand_of(robot, anatomy, tree, tuning.driven)
     draft.put([0.8, 0.02, 0.01], "contact", "friction", beside="" if hand else "rubber on a floor")
     draft.put(3, "contact", "condim")
     put_pads(draft, robot, hand, tuning.timestep)
@@ -283,7 +275,7 @@ def _put_simulation(
     draft.put(formats, "targets", beside=why)
     efforts = [tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints]
     walks = bool(legs) and all(efforts)
-    put_validation(draft, robot, legs if walks else (), trial, hand)
+    put_validation(draft, robot, legs if walks else (), tuning.trial, hand)
     if walks and "mjcf" in formats:
         feet, imu = inline({"links": _soles(robot, legs)}), inline({"link": robot.tree.root})
         draft.note("To train in mjlab: add `mjlab` to the targets, and", at=("training",))

@@ -243,9 +243,13 @@ def _within_limbs(
     return {name: max(need, least[name]) for name, need in needs.items()}
 
 
-def rotor_inertia(joint: Joint) -> float:
-    """The least that a motor of the joint's effort adds to it, kg m2 or kg; 2 digits."""
-    return float(f"{(joint.limits.effort or 0.0) / ROTOR[unit_of(joint)]:.2g}")
+def rotor_inertias(tree: Tree, stated: Mapping[str, float]) -> dict[str, float]:
+    """What rotors add to their joints, kg m2 or kg: as stated, else the least (2 digits) that a
+    motor of the joint's effort has.
+    """
+    alone = [joint for joint in tree.moving_joints if joint.mimic is None]
+    least = {j.name: float(f"{(j.limits.effort or 0.0) / ROTOR[unit_of(j)]:.2g}") for j in alone}
+    return least | {name: inertia for name, inertia in stated.items() if inertia}
 
 
 def largest_inertias(tree: Tree) -> dict[str, float]:

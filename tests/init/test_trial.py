@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,12 +13,11 @@ from assetbuild.init import propose
 from assetbuild.init.anatomy import study
 from assetbuild.init.draft import Draft
 from assetbuild.init.drives import drive_rows
-from assetbuild.init.home import UPRIGHT, home_pose
+from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.sections import put_validation
 from assetbuild.init.source import find_source
-from assetbuild.init.trial import Trial, staged
-from assetbuild.init.tune import Tuning, tune
+from assetbuild.init.trial import Trial, staged, tune
 from assetbuild.pipeline.recipes import load_recipe
 
 DOG = "four_legs.urdf"
@@ -66,13 +67,14 @@ def test_a_robot_that_leans_gets_its_feet_below_its_centre_of_mass(
     shift: tuple[float, float],
     robots: Path,
 ):
-    def attempt(tuning: Tuning) -> Trial:
-        leans = Trial(True, "stands", lean=lean, off=off)
-        return leans if tuning.shift == UPRIGHT else Trial(True, "stands", lean=left)
-
+    trials = itertools.chain(
+        [Trial(True, "stands", lean=lean, off=off)],
+        itertools.repeat(Trial(True, "stands", lean=left)),
+    )
     robot = look(find_source(robots / DOG, {}))
     anatomy = study(robot)
-    tuning, _ = tune(judge(robot, "floating").tree, anatomy, attempt)
+    stage = SimpleNamespace(robot=judge(robot, "floating"), attempt=lambda *_: next(trials))
+    tuning = tune(stage, anatomy, {})
     assert tuning.shift == shift
 
 
