@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.trial import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Mimic, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -181,11 +180,10 @@ PRESSED = (0.95, 0.99, 0.001, 0.5, 2)
 SOFTNESS = ("condim", "priority", "solref", "solimp")
 
 
-def hand_of(
-    robot: InspectedRobot, anatomy: Anatomy, tree: Tree, driven: Collection[str]
-) -> list[str]:
+def hand_of(robot: InspectedRobot, anatomy: Anatomy, driven: Collection[str]) -> list[str]:
     """Links of the source that touch what is held: of driven fingers, of those that follow, and
     their palms, each with what fixed joints hold on to it."""
+    tree = robot.tree
     parts = roles(tree, anatomy)
     fingers = [joint for joint in tree.moving_joints if parts[joint.name] == "finger"]
     if not any(joint.name in driven for joint in fingers):
@@ -199,14 +197,25 @@ def hand_of(
     ]
 
 
-def put_pads(draft: Draft, robot: InspectedRobot, hand: Sequence[str], timestep: float) -> None:
-    """Surfaces of what grips, below `contact`."""
+def put_pads(
+    draft: Draft,
+    robot: InspectedRobot,
+    hand: Sequence[str],
+    timestep: float,
+    stated: Iterable[Contact] = (),
+) -> None:
+    """Surfaces of what grips, below `contact`, where no surface of the source says how it gives
+    way. stated: these surfaces.
+    """
+    usual = Contact()
+    gives_way = any(getattr(one, key) != getattr(usual, key) for one in stated for key in SOFTNESS)
+    if not hand or gives_way:
+        return
     soft = {"solref": [float(f"{max(PRESS_S, 2.0 * timestep):g}"), 1], "solimp": [*PRESSED]}
-    for pattern in patterns_of(hand, list(robot.links.by_body)) if hand else ():
+    for pattern in patterns_of(hand, list(robot.links.by_body)):
         draft.put({"condim": 4, "priority": 1, **soft}, "contact", "links", pattern)
-    if hand:
-        why = "Stiffer than MuJoCo's default of 0.02 s, so that what the hand grips does not slip."
-        draft.note(why, at=("contact", "links"))
+    why = "Stiffer than MuJoCo's default of 0.02 s, so that what the hand grips does not slip."
+    draft.note(why, at=("contact", "links"))
 
 
 LOOP = re.compile(r"clos|loop|constraint|fermeture", re.IGNORECASE)
@@ -236,29 +245,6 @@ def _are_sides(one: str, other: str) -> bool:
     """Whether the names differ in their side alone."""
     apart = [{a, b} for a, b in zip(one, other, strict=False) if a != b]
     return len(one) == len(other) and len(apart) == 1 and apart[0] in SIDES
-
-
-# --- of an MJCF ---------------------------------------------------------------------------------
-
-
-def mjcf_hand(
-    robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
-) -> list[str]:
-    """Return the links of `hand_of`; an actuator of a tendon counts as driving every joint."""
-    driven = {row.joint for row in control.actuators if row.model != "passive"}
-    driven |= tuning.driven if tuning else set()
-    if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
-        driven = {joint.name for joint in robot.tree.moving_joints}
-    return hand_of(robot, anatomy, robot.tree, driven)
-
-
-def put_own_pads(
-    draft: Draft, robot: InspectedRobot, hand: Sequence[str], control: Control
-) -> None:
-    """The section `contact`, where no surface of the source says how it gives way."""
-    usual, stated = Contact(), [control.contact, *(contact for _, contact in control.contacts)]
-    if not any(getattr(one, key) != getattr(usual, key) for one in stated for key in SOFTNESS):
-        put_pads(draft, robot, hand, control.simulation.timestep)
 
 
 def put_own_loops(draft: Draft, hand: Collection[str], control: Control) -> None:

@@ -16,12 +16,7 @@ from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import (
-    mjcf_hand,
-    put_own_loops,
-    put_own_pads,
-    soles_of,
-)
+from assetbuild.init.collision import hand_of, put_own_loops, put_pads, soles_of
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, home_pose
 from assetbuild.init.licence import put_source
@@ -188,7 +183,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     idle = robot.tree.moving_joints and not (_driven(control) or is_sprung)
     tuning = _tuned(source, anatomy) if idle else None
     unmended = tuning.trial.unmended if tuning else ()
-    hand = mjcf_hand(robot, anatomy, control, tuning)
+    hand = hand_of(robot, anatomy, _driven_joints(robot.tree, control, tuning))
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
     springs = stated if tuning else no_drives(control)
@@ -213,7 +208,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
         why = f"the source's is {1e3 * abs(off_m):.3g} mm {side} the floor; its joints stay"
         draft.put("on_ground", "keyframes", home.name, "base", beside=why)
     put_own_loops(draft, hand, control)
-    put_own_pads(draft, robot, hand, control)
+    surfaces = [control.contact, *(contact for _, contact in control.contacts)]
+    put_pads(draft, robot, hand, control.simulation.timestep, surfaces)
     formats, why = usual_targets(source.built, springs, lost)
     draft.put(formats, "targets", beside=why)
     put_validation(draft, robot, anatomy.legs, trial, hand)
@@ -312,6 +308,14 @@ def _driven(control: Control) -> list[str]:
     driven = [a.name for a in control.actuators if a.model != "passive"]
     others = [i for i in control.mjcf_only if i.place == "actuator" and not i.owner]
     return driven + ["others"] * bool(others)
+
+
+def _driven_joints(tree: Tree, control: Control, tuning: Tuning | None) -> Collection[str]:
+    """What the source or a table of ours drives; an actuator of a tendon may drive every joint."""
+    if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
+        return tree.by_joint
+    driven = {row.joint for row in control.actuators if row.model != "passive"}
+    return driven | tuning.driven if tuning else driven
 
 
 def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None:

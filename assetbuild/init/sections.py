@@ -266,7 +266,7 @@ def _soles(robot: InspectedRobot, legs: Sequence[Leg]) -> str:
 
 def _put_simulation(draft: Draft, robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning) -> None:
     legs, tree = anatomy.legs, tuning.tree
-    hand = hand_of(robot, anatomy, tree, tuning.driven)
+    hand = hand_of(robot, anatomy, tuning.driven)
     draft.put([0.8, 0.02, 0.01], "contact", "friction", beside="" if hand else "rubber on a floor")
     draft.put(3, "contact", "condim")
     put_pads(draft, robot, hand, tuning.timestep)
