@@ -51,7 +51,7 @@ def above(file: Path) -> list[Path]:
     return list(file.parents)[:LEVELS]
 
 
-def stated(name: str, folder: Path) -> Path:
+def stated_folder(name: str, folder: Path) -> Path:
     """The folder of a `--package`; UsageError when it is none."""
     if not folder.is_dir():
         message = f"--package {name}={folder}: there is no such folder"

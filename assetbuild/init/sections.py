@@ -53,6 +53,12 @@ HOPS = (
     f"At {1e3 * STEP_S:g} ms these legs hop if their rotors are lighter than guessed.",
     "State them (`armature`, or `rotor_inertia` and `gear`), then try the longer step.",
 )
+NAMES = {
+    "packages": "package:// roots; nothing is searched in a build",
+    "relative_to": "where relative names start",
+    "absolute": "what absolute names of the author's machine begin with, and what lies there",
+}
+"""Keys that say what file names mean, and why they are stated."""
 BALANCE = (
     "Its feet touch the floor in points that span no area: only a controller that balances it",
     "keeps it up, so nothing asks it to stand still.",
@@ -139,32 +145,28 @@ def put_head(
 
 def _put_source(draft: Draft, source: UrdfSource, path: Path) -> None:
     """Where it comes from, what its names mean, what it lacks and what is repaired in its text."""
-    put_source(draft, source.root, path, source.key, source.file)
-    if source.args:
-        draft.put(dict(source.args), "source", "args")
-    others = [(k, v) for k, v in source.defaults.items() if k not in source.args]
+    stated = source.recipe
+    put_source(draft, source.root, path, "xacro" if stated.xacro else "urdf", stated.description)
+    others = [(k, v) for k, v in source.defaults.items() if k not in stated.args]
+    if stated.args:
+        draft.put(stated.args, "source", "args")
     if others:
         defaults = (f"{name}: {json.dumps(value)}" for name, value in others)
         draft.note("its other arguments and their defaults:", *defaults, at=("source", "args"))
-    there = "what absolute names of the author's machine begin with, and what lies there"
-    for key, value, why in (
-        ("packages", dict(source.packages), "package:// roots; nothing is searched in a build"),
-        ("relative_to", source.relative_to, "where relative names start"),
-        ("absolute", dict(source.absolute), there),
-    ):
-        if value:
+    for key, why in NAMES.items():
+        if value := getattr(stated, key):
             draft.put(value, "source", key, beside=why)
-    if source.missing:
+    visuals, absent = stated.missing.visuals, stated.missing.packages
+    if visuals:
         lines = ["Visual meshes that the source lacks: nothing is drawn for them."]
-        meant = ((name, lacking(source.root, name)[1]) for name in source.missing)
+        meant = ((name, lacking(source.root, name)[1]) for name in visuals)
         lines += [f"{name}: {hint}" for name, hint in meant if hint]
-        draft.put([*source.missing], "source", "missing", "visuals", above=lines)
-    if source.absent:
+        draft.put([*visuals], "source", "missing", "visuals", above=lines)
+    if absent:
         lines = ["Packages that the xacro asks for and reads nothing of (controllers, Gazebo)."]
-        draft.put([*source.absent], "source", "missing", "packages", above=lines)
-    for patch in source.patches:
+        draft.put([*absent], "source", "missing", "packages", above=lines)
+    for patch in stated.patches:
         draft.add(patch.model_dump(exclude_defaults=True), "source", "patches")
-    if source.patches:
         draft.beside["source", "patches"] = "repairs of the text before it is read"
 
 

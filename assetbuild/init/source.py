@@ -10,9 +10,8 @@ import json
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Literal
 from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
@@ -36,13 +35,14 @@ from assetbuild.init.packages import (
     renamings,
     replaced,
     respelled,
-    stated,
+    stated_folder,
 )
 from assetbuild.recipe.loader import read_small_file, shown_path
-from assetbuild.recipe.source import Patch
+from assetbuild.recipe.source import Missing, Patch, Source
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.source.plan import urdf_reader
 from assetbuild.source.urdf.expand_xacro import (
     ARGUMENT,
     MOST_FILES,
@@ -51,48 +51,30 @@ from assetbuild.source.urdf.expand_xacro import (
     ExpandXacro,
 )
 from assetbuild.source.urdf.joints import KINDS
-from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.source.urdf.xml import XACRO, Node, parse, read_xml
 
 
 @dataclass(frozen=True)
 class UrdfSource:
-    """key: of the recipe's source that names `file`. data: the description, a xacro's expanded.
+    """recipe: its section `source`, whose paths are below `root`: absolute, without links.
 
-    root: absolute, without links; file and the package folders: below it, `/` between.
-    args: as given; defaults: of all arguments that the xacro declares, as it spells them.
-    relative_to, absolute, patches: see `recipe.source`; absent: packages that the source lacks;
-    missing: visual meshes that it lacks.
+    data: the description, a xacro's expanded. defaults: of all arguments that the xacro declares,
+    as it spells them.
     """
 
-    key: Literal["urdf", "xacro"]
     root: Path
-    file: str
-    packages: Mapping[str, str]
+    recipe: Source
     data: bytes
-    args: Mapping[str, str]
     defaults: Mapping[str, str]
-    relative_to: str | None = None
-    absolute: Mapping[str, str] = field(default_factory=dict)
-    absent: tuple[str, ...] = ()
-    missing: tuple[str, ...] = ()
-    patches: tuple[Patch, ...] = ()
 
     @property
     def shown(self) -> str:
         """The description's name in messages, as a build would give it."""
-        return self.file if self.key == "urdf" else f"{self.file} (expanded)"
+        return f"{self.recipe.xacro} (expanded)" if self.recipe.xacro else str(self.recipe.urdf)
 
     def read(self) -> tuple[Tree, SourceShapes, tuple[Finding, ...], list[dict[str, str]]]:
         """Run the build's reader; return links, shapes, findings and the meshes that it lists."""
-        step = ReadUrdf(
-            file=self.shown,
-            base="floating",
-            packages=dict(self.packages),
-            relative_to=self.relative_to,
-            absolute=dict(self.absolute),
-            missing=self.missing,
-        )
+        step = urdf_reader(self.recipe, self.shown, "floating")
         with scratch() as ports:
             ports.put("robot.urdf", self.data)
             findings, robot = ports.run(step), RobotFiles(ports.folder)
@@ -111,7 +93,7 @@ def find_source(
     packages_below.cache_clear()  # the files may have changed since another robot was read
     args, name = args or {}, shown_path(file)
     data = read_small_file(file, SourceError)
-    folders = {name: stated(name, folder) for name, folder in packages.items()}
+    folders = {name: stated_folder(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
     by_xacro = file.suffix == ".xacro" or b"<xacro:" in data
     patches = [] if by_xacro else respelled(real, data)
@@ -126,19 +108,18 @@ def find_source(
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
     root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
     path = real.relative_to(root).as_posix()
-    return UrdfSource(
-        key="xacro" if by_xacro else "urdf",
-        root=root,
-        file=path,
+    stated = Source.model_construct(
+        path=".",
+        xacro=path if by_xacro else None,
+        urdf=None if by_xacro else path,
+        args=dict(args),
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
-        data=data,
-        args=args,
-        defaults=defaults,
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
-        absent=absent,
+        missing=Missing.model_construct(packages=absent),
         patches=tuple(patch.model_copy(update={"file": path}) for patch in patches),
     )
+    return UrdfSource(root, stated, data, defaults)
 
 
 # --- a xacro --------------------------------------------------------------------------------
@@ -151,7 +132,7 @@ _MISSING = re.compile(r"no file `([^`]+)` among the readable files")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 
 Expanded = tuple[bytes, Mapping[str, Path], Mapping[str, str], tuple[str, ...]]
-"""The URDF, the folders of the packages in use, `defaults` and `absent` of `UrdfSource`."""
+"""The URDF, the folders of the packages in use, `defaults` of `UrdfSource`, absent packages."""
 
 
 def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:
@@ -269,12 +250,13 @@ SPELLED = "readers know this type in small letters alone"
 def patched(source: UrdfSource, patches: Iterable[Patch]) -> UrdfSource:
     """The source behind the patches; only a URDF says its names in its own text."""
     made = tuple(patches)
-    return replace(source, data=replaced(source.data, made), patches=source.patches + made)
+    recipe = source.recipe.model_copy(update={"patches": (*source.recipe.patches, *made)})
+    return replace(source, data=replaced(source.data, made), recipe=recipe)
 
 
 def retyped(source: UrdfSource) -> Iterator[Patch]:
     """A patch for each joint whose type no build takes as it stands; none of a xacro."""
-    for joint in parse(source.data, source.shown)[0].all("joint") if source.key == "urdf" else ():
+    for joint in parse(source.data, source.shown)[0].all("joint") if source.recipe.urdf else ():
         kind = joint.get("type") or ""
         if kind == "revolute" and joint.only("limit") is None:
             yield from _of_type(source, joint, "continuous", NO_LIMIT)
@@ -289,7 +271,7 @@ def _of_type(source: UrdfSource, joint: Node, kind: str, because: str) -> Iterat
     tags = re.findall(tag, text)
     if len(tags) == 1 and text.count(tags[0]) == 1:
         new = re.sub(r"(\stype\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{kind}\g<2>", tags[0])
-        yield Patch(file=source.file, find=tags[0], replace=new, because=because)
+        yield Patch(file=source.recipe.urdf, find=tags[0], replace=new, because=because)
 
 
 CASE = "upper and lower case and percent-encoding count: this is how the file is called"
@@ -312,7 +294,9 @@ def mended(source: UrdfSource) -> UrdfSource:
     needed = [mesh for mesh in absent if mesh["path"] in solid]
     if needed or (absent and len(absent) == len(meshes)):
         raise _refused(source, needed or absent, {mesh["path"] for mesh in meshes})
-    return replace(source, missing=tuple(mesh["path"] for mesh in absent))
+    visuals = tuple(mesh["path"] for mesh in absent)
+    missing = source.recipe.missing.model_copy(update={"visuals": visuals})
+    return replace(source, recipe=source.recipe.model_copy(update={"missing": missing}))
 
 
 def _refused(
@@ -343,7 +327,7 @@ def _refused(
 
 def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch]:
     """A patch for each mesh that is there under one other name: see `_other_case`."""
-    for mesh in meshes if source.key == "urdf" else ():
+    for mesh in meshes if source.recipe.urdf else ():
         stated = PurePosixPath(mesh["path"])
         actual = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
         if actual is not None:
@@ -352,7 +336,7 @@ def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Pat
             same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
             if same and actual.parts[:-same] == stated.parts[:-same]:
                 named = "/".join((*uri_parts[:-same], *actual.parts[-same:]))
-                yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
+                yield from renamings(source.shown, source.data, mesh["uri"], named, CASE)
 
 
 def _other_case(root: Path, path: str) -> PurePosixPath | None:

@@ -20,6 +20,7 @@ from assetbuild.lock import GitPin, Lock, Pin
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.source import Source
 from assetbuild.recipe.validation import Key, KeyedError
+from assetbuild.robot.model import Base
 from assetbuild.source.get.fetch import (
     COMMIT,
     Fetch,
@@ -215,21 +216,25 @@ def read_description(
     """The steps that read the robot; None while an answer is missing."""
     if recipe.source.mjcf is not None:
         return _read_mjcf(recipe, source, description, p)
-    origin = recipe.source
-    step = ReadUrdf(
-        file=description.path,
-        base=recipe.base,
-        packages=dict(sorted(origin.packages.items())),
-        relative_to=origin.relative_to,
-        absolute=dict(sorted(origin.absolute.items())),
-        missing=tuple(sorted(origin.missing.visuals)),
-    )
+    step = urdf_reader(recipe.source, description.path, recipe.base)
     read = p.add("read_urdf", step, {"robot.urdf": description.ref})
     return Reading(
         robot={port: read[port] for port in ("links.json", "shapes.json")},
         meshes=read["meshes.json"],
         source_map=read["source_map.json"],
         urdf=read["source.urdf"],
+    )
+
+
+def urdf_reader(origin: Source, file: str, base: Base) -> ReadUrdf:
+    """The step that reads a URDF, or an expanded xacro, which messages call `file`."""
+    return ReadUrdf(
+        file=file,
+        base=base,
+        packages=dict(sorted(origin.packages.items())),
+        relative_to=origin.relative_to,
+        absolute=dict(sorted(origin.absolute.items())),
+        missing=tuple(sorted(origin.missing.visuals)),
     )
 
 

@@ -121,8 +121,8 @@ def test_packages_are_found_above_the_urdf_and_written_down(
     urdf = package(tmp_path, uri, mesh)
     source = find_source(urdf, {})
     assert source.root == (tmp_path / root).resolve()
-    assert source.packages == packages
-    assert (source.root / source.file).samefile(urdf)
+    assert source.recipe.packages == packages
+    assert (source.root / source.recipe.description).samefile(urdf)
 
 
 def test_a_package_that_is_nowhere_is_named_with_its_line(tmp_path: Path):
@@ -131,7 +131,7 @@ def test_a_package_that_is_nowhere_is_named_with_its_line(tmp_path: Path):
         find_source(urdf, {})
     assert "--package far=FOLDER" in error.value.hint
     source = find_source(urdf, {"far": tmp_path / "elsewhere"})
-    assert source.packages == {"far": "elsewhere"}
+    assert source.recipe.packages == {"far": "elsewhere"}
     with pytest.raises(UsageError, match="no such folder"):
         find_source(urdf, {"far": tmp_path / "nowhere"})
 
