@@ -39,7 +39,7 @@ GUESSED = Rule(
     "actuator.guessed",
     "warning",
     "the drives of a row are guesses, as the source states no plausible numbers",
-    "give the motors' effort and gains, then remove `guessed`",
+    "give the motors' effort and gains from a data sheet, then remove `guessed`",
 )
 
 
@@ -56,7 +56,6 @@ def row_findings(
             f"recipe actuators.{guessed[0]}",
             f"the drives of {len(names)} joint{'s' if len(names) > 1 else ''} are guesses"
             f", effort {_span([a.effort for a in guesses])}: {quoted(names, 6)}",
-            hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
             data={"joints": names},
         )
     for index, (row, mine) in enumerate(zip(rows, driven_by, strict=True)):

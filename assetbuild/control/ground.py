@@ -29,20 +29,21 @@ NO_GROUND = Rule(
     "keyframe.no_ground",
     "warning",
     "`on_ground` needs collision geometry, and there is none",
-    "add some, or give `base: [x, y, z]`",
+    "give the links collision geometry, or the keyframe `base: [x, y, z]`",
 )
 FIXED_BASE = Rule(
     "keyframe.fixed_base",
     "warning",
     "a keyframe places the base of a fixed robot",
-    "remove it, or `base: floating`",
+    "remove `base` from the keyframe, or make the robot `base: floating`",
 )
 REACHES_BELOW = Rule(
     "keyframe.reaches_below",
     ("warning", "info"),
     "a moving link of a fixed robot starts below z = 0, so the scenes' floor lies below it (a "
     "warning where its base stands on z = 0)",
-    "turn the joints in the keyframe `home`, or mount the robot higher in your own scene",
+    "turn the joints in the keyframe `home`, or mount the robot that much higher in a scene with a "
+    "floor or a table at z = 0",
 )
 
 
@@ -115,7 +116,6 @@ def placed_base(
             FIXED_BASE(
                 "robot",
                 f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
-                hint="remove `base`, or make the robot `base: floating`",
                 data={"keyframe": name},
             )
         ]
@@ -128,7 +128,6 @@ def placed_base(
         NO_GROUND(
             "robot",
             f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
-            hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
             data={"keyframe": name},
         )
     ]
@@ -155,8 +154,6 @@ def with_reach(
         f"starts {-1e3 * low[body]:.3g} mm below {where}{others}: the scenes' floor lies at "
         f"z = {floor_m:g} m",
         severity="warning" if stands else "info",
-        hint="turn the joints in the keyframe `home`, or mount the robot that much higher in a "
-        "scene with a floor or a table at z = 0",
         data={"below_m": -low[body], "floor_m": floor_m},
     )
     return reaching, [finding]

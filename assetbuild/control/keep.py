@@ -49,7 +49,7 @@ LOOP_MIMIC = Rule(
     "loop.mimic",
     "error",
     "a loop with `urdf: mimic` does not follow one driven joint, so no mimic joints stand for it",
-    "leave `urdf: mimic` out, so that the URDF leaves the loop open",
+    "leave `urdf: mimic` out: the URDF then leaves the loop open",
 )
 
 
@@ -77,8 +77,7 @@ class KeepRatings(Step):
         kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)
         (files.outputs / "ratings.json").write_bytes(encode(kept))
         for name, why in refused.items():
-            hint = "leave `urdf: mimic` out: the URDF then leaves the loop open"
-            yield LOOP_MIMIC(f"loop {name}", f"no mimic joints can stand for it: {why}", hint)
+            yield LOOP_MIMIC(f"loop {name}", f"no mimic joints can stand for it: {why}")
 
 
 # --- mimics that stand for loops --------------------------------------------------------------

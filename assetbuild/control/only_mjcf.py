@@ -42,8 +42,8 @@ SPRING = Rule(
     "joints of the MJCF have springs (`stiffness`, `springref`), which the MJCF, the mjx model and "
     "mjlab's model keep; the USD holds them as drives where the joints have no other; the URDF is "
     "written without them",
-    "command no targets to these joints in PhysX and Newton; do not use the URDF where the spring "
-    "matters",
+    "command no targets to these joints in PhysX and Newton, whose drives rest where the springs "
+    "do; do not use the URDF where the spring matters",
 )
 MOTION = Rule(
     "mjcf.motion",
@@ -83,7 +83,6 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
             f"actuators of {len(geared)} joints have a gear g: {listed}; URDF, USD and the "
             "trainers' modules have the drive on the joint: kp and kd times g^2, effort times |g|, "
             "commands of position and speed divided by g, of effort times g",
-            "the MJCF keeps gear and commands as its source has them",
             data=geared,
         )
 
@@ -97,8 +96,6 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             f"{has} (N m/rad or N/m): {quoted(springs, 4, notes=springs)}; the URDF cannot hold "
             "them, so it moves differently; in the USD a spring is the drive of a joint that has "
             "no other",
-            "command no targets to these joints in PhysX and Newton, whose drives rest where the "
-            "springs do",
             data=springs,
         )
     for what, names in lost_motion(items).items():
@@ -106,7 +103,6 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             "robot",
             f"{what}: in the MJCF only, the other formats move otherwise: "
             f"{quoted(filter(None, names), 4) or 'the whole robot'}",
-            "use the MJCF, the mjx model or mjlab's model where it matters",
             data={"what": what, "names": names},
         )
     groups: dict[tuple[str, str], list[str]] = {}

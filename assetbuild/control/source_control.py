@@ -44,7 +44,7 @@ NEW_SURFACE = Rule(
     "info",
     "collision shapes that the recipe made anew get the surface that most of the source's shapes "
     "have",
-    "`method: keep` keeps the source's shapes",
+    "use `method: keep` to keep the source's shapes with their own surfaces",
 )
 
 
@@ -214,7 +214,6 @@ def _contacts(
                 "recipe collision",
                 f"{len(names)} collision shapes are not the source's: {quoted(names, 6)}; they "
                 "have the surface that most shapes of the source have",
-                "use `method: keep` to keep the source's shapes with their own surfaces",
                 data={"shapes": len(names)},
             )
             findings.append(finding)
