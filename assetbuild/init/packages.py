@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import functools
 import os
 import re
@@ -263,7 +264,7 @@ def relative_start(uses: Uses, file: Path) -> Path | None:
         return None
     for folder in folders:
         for uri in held[folder]:
-            if is_file(best / uri) and not _same(folder / uri, best / uri):
+            if is_file(best / uri) and not filecmp.cmp(folder / uri, best / uri, shallow=False):
                 first, second = (shown_path(one / uri) for one in (folder, best))
                 raise names[uri].error(
                     f"relative names are taken from a folder above the URDF, where `{uri}` is two "
@@ -292,7 +293,7 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
             continue
         length = max(length for length, _ in hits)
         longest = [here for count, here in hits if count == length]
-        if any(not _same(longest[0], other) for other in longest):
+        if any(not filecmp.cmp(longest[0], other, shallow=False) for other in longest):
             choices = " or ".join(f"`{shown_path(here)}`" for here in longest)
             raise node.error(f"`{uri}` may be {choices}", "remove the one that is not meant")
         # The same file may be reached from several folders above: the nearest says the least.
@@ -328,7 +329,3 @@ def _hits(path: str, file: Path) -> Iterator[tuple[int, Path]]:
         package = find_package(parts[-count], file) if count > SHORTEST else None
         if package is not None and is_file(package.joinpath(*parts[-count + 1 :])):
             yield count - 1, package.joinpath(*parts[-count + 1 :])
-
-
-def _same(one: Path, other: Path) -> bool:
-    return one == other or one.read_bytes() == other.read_bytes()
