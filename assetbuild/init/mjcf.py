@@ -19,7 +19,6 @@ from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import hand_of, put_own_loops, put_pads, soles_of
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, home_pose
-from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import put_repairs, repairs
@@ -27,6 +26,7 @@ from assetbuild.init.sections import (
     put_actuators,
     put_head,
     put_home,
+    put_source,
     put_validation,
 )
 from assetbuild.init.strength import bounds, with_efforts

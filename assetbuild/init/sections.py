@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -21,9 +22,8 @@ from assetbuild.init.collision import (
 from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some, with_remedy
 from assetbuild.init.drives import GAINS, STEP_S, DriveRow
 from assetbuild.init.home import Pair, made_so
-from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, put_up_axis, turned, usual_targets
-from assetbuild.init.packages import lacking
+from assetbuild.init.packages import lacking, stated_licence
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, resting
@@ -141,6 +141,29 @@ def put_head(
     ]
     draft.put("assetbuild/v1", "schema", above=lines)
     draft.put(recipe_name(name), "robot")
+
+
+def put_source(draft: Draft, root: Path, recipe: Path, key: str, file: str) -> None:
+    """The section `source` of a recipe that will lie at `recipe`."""
+    relative = os.path.relpath(root, os.path.realpath(recipe.parent))
+    draft.put(Path(relative).as_posix(), "source", "path", beside="relative to this file")
+    draft.put(file, "source", key)
+    put_licence(draft, root, file)
+
+
+def put_licence(draft: Draft, root: Path, file: str) -> None:
+    """The licence where a file states one that has an SPDX name; else a comment."""
+    stated, at = stated_licence(root, file), ("source", "license")
+    if stated is None:
+        draft.note("license: its SPDX name here; no file of the source states one", at=at)
+        return
+    name, words, said_by = stated
+    if name:
+        carried = "; only a copy below `path` comes into the bundle" * said_by.startswith("..")
+        draft.put(name, *at, beside=f"as {said_by} says{carried}")
+    else:
+        draft.note(f"{said_by} says {words!r}: write the SPDX name of this robot's", at=at)
+        draft.note("license:", at=at)
 
 
 def _put_source(draft: Draft, source: UrdfSource, path: Path) -> None:
