@@ -22,7 +22,12 @@ from assetbuild.control.close_loops import (
 )
 from assetbuild.control.findings import actuator_findings, contact_findings, row_findings
 from assetbuild.control.ground import Ground, placed_base, with_reach
-from assetbuild.control.senses import check_sensors, contacts, placed_cameras, placed_sensors
+from assetbuild.control.senses import (
+    check_sensors,
+    check_surfaces,
+    placed_cameras,
+    placed_sensors,
+)
 from assetbuild.control.source_control import StatedControl, join, source_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, meant_pattern
@@ -33,7 +38,7 @@ from assetbuild.robot.actuators import RowError, resolve
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Contacts, Exclude
-from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import LoopRow, resolve_loops, row_numbers
 from assetbuild.robot.mimic import with_mimics
@@ -161,8 +166,8 @@ class ControlStep(Step):
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
         robot = RobotFiles(files.inputs)
         tree, shapes = robot.tree, robot.shapes
-        source = robot.source_control
-        said = source.control if source is not None else model.Control()
+        source = robot.source_control or SourceControl()
+        said = source.control
         stated = self._poses(tree, said.keyframes)
         driven = driven_joints(tree, self.rows, self.sides, said.actuators)
         loops = resolve_loops(tree, self.loops)
@@ -187,24 +192,23 @@ class ControlStep(Step):
             keyframes.append(replace(pose, base=base))
 
         yield from _same_body_findings(tree, self.exclude)
+        check_surfaces(shapes, self.contact, self.common_surfaces)
         control = model.Control(
             actuators=actuators,
             keyframes=(*keyframes, *kept),
             excludes=_excludes(tree, shapes, self.exclude, self.sides, loops),
             contact=self.contact.common,
-            contacts=contacts(shapes, self.contact, self.common_surfaces),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
             simulation=self.simulation,
             loops=loops,
         )
-        if source is not None:
-            recipe = StatedControl(self.sides, self.rows, self.contact.links)
-            control, findings = join(control, source, tree, shapes, recipe)
-            yield from findings
-            if loops:
-                start = initial_pose(tree, control)
-                yield from source_findings(tree, loops, kept, start, driven)
+        recipe = StatedControl(self.sides, self.rows, self.contact.links)
+        control, findings = join(control, source, tree, shapes, recipe)
+        yield from findings
+        if loops and any(side.from_mjcf for side in self.sides):
+            start = initial_pose(tree, control)
+            yield from source_findings(tree, loops, kept, start, driven)
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         control, below = with_reach(tree, control, ground)
         yield from below

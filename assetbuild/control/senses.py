@@ -22,23 +22,12 @@ _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 # --- surfaces -------------------------------------------------------------------------------
 
 
-def contacts(
-    shapes: Shapes, contact: Contacts, may_idle: Collection[str] = ()
-) -> tuple[tuple[str, model.Contact], ...]:
-    """The surfaces that differ, by collision shape.
-
-    RowError: a pattern without a shape, unless it is one of `may_idle`, which nobody has written.
-    """
-    common, links = contact.common, [shape.link for shape in shapes.of("collision")]
+def check_surfaces(shapes: Shapes, contact: Contacts, may_idle: Collection[str] = ()) -> None:
+    """RowError for a pattern without a shape, unless nobody has written it: `may_idle`."""
+    links = [shape.link for shape in shapes.of("collision")]
     for pattern in contact.links:
         if pattern not in may_idle:
             must_match(("contact", "links", pattern), pattern, links, "link with a collision shape")
-    surfaces = []
-    for shape in shapes.of("collision"):
-        surface = changed(common, contact.links, shape.link)
-        if surface != common:
-            surfaces.append((shape.name, surface))
-    return tuple(surfaces)
 
 
 def changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> model.Contact:

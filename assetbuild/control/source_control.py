@@ -78,7 +78,8 @@ def join(
 ) -> tuple[Control, list[Finding]]:
     """The source's words where the recipe has none, and what is said about joining.
 
-    control: as the recipe alone makes it, but with the keyframes of both.
+    control: as the recipe alone makes it, but with the keyframes of both and no surfaces that
+    differ. source: empty where it says nothing.
     """
     source_control, findings = source.control, list[Finding]()
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)

@@ -15,7 +15,7 @@ from tiny import TinyRobot, box_inertial
 
 from assetbuild.control.ground import Ground, with_reach
 from assetbuild.control.sample_pairs import SamplePairs
-from assetbuild.control.senses import contacts, placed_cameras, placed_sensors
+from assetbuild.control.senses import changed, check_surfaces, placed_cameras, placed_sensors
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Body, Control, Joint, Keyframe, Limits, MjcfOnly, Place, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -177,7 +177,9 @@ def test_feet_get_a_contact_sensor_each_and_the_imu_its_four():
 
 def test_a_surface_changes_only_what_it_says():
     rules = {"friction": [0.5, 0, 0], "links": {".*_foot": {"condim": 6}}}
-    found = dict(contacts(feet(), recipe(contact=rules).contact))
+    contact = recipe(contact=rules).contact
+    surfaces = {s.name: changed(contact.common, contact.links, s.link) for s in feet().shapes}
+    found = {name: one for name, one in surfaces.items() if one != contact.common}
     assert set(found) == {"FL_f", "FR_f", "RL_f", "RR_f"}
     assert (found["FL_f"].condim, found["FL_f"].friction) == (6, (0.5, 0.0, 0.0))
 
@@ -210,4 +212,4 @@ def test_an_optical_frame_looks_along_z():
 
 def test_a_pattern_of_surfaces_without_a_shape():
     with pytest.raises(RowError, match="matches no link with a collision shape"):
-        contacts(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
+        check_surfaces(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
