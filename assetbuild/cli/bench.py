@@ -25,6 +25,7 @@ from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plan import add_target
 from assetbuild.recipe.models import Collision
+from assetbuild.report.tables import table, text_table
 from assetbuild.robot.codec import decode
 from assetbuild.robot.shapes import Mesh, Shapes
 
@@ -42,34 +43,30 @@ def run(arguments: argparse.Namespace) -> int:
     with at_work(loaded, arguments) as (work, shown):
         levels = list(_measured_levels(work, names, arguments.source, shown.say))
     best = _write(levels, out)
-    print(HEAD)
-    for level in levels:
-        print(_row(level, is_best=level.name in best))
+    rows = [_row(level, is_best=level.name in best) for level in levels]
+    print(text_table(table("", ("level", *SHOWN.values(), *FITTED, "note"), rows)))
     print(f"* = no other level is better in both; {out / 'bench.csv'}")
     return 0
 
 
-HEAD = (
-    "  level        steps/s  contacts  geoms   home: touching  deepest  slope, mm/s    holds"
-    "   mean IoU  outside  build"
-)
+SHOWN = {
+    "steps_per_s": "steps/s",
+    "contacts": "contacts",
+    "geoms": "geoms",
+    "self_contacts": "touching at home",
+    "deepest_mm": "deepest, mm",
+    "creep_mm_s": "slope, mm/s",
+    "held": "holds",
+}
+"""Figure of a simulation -> its column."""
+FITTED = ("mean IoU", "outside, mm", "build, s")
 
 
-def _row(level: Level, *, is_best: bool) -> str:
-    mark = "*" if is_best else " "
-    if level.speed is None:
-        return f"{mark} {level.name:11} {level.error}"
-    speed = level.speed
-    iou = f"{level.iou:8.3f}" if level.iou is not None else "       -"
-    outside = f"{level.outside_mm:5.1f} mm" if level.outside_mm is not None else "       -"
-    slides = speed["creep_mm_s"]
-    creep = "-" if slides is None else f"{slides:.2g}"
-    fell = f"   {level.fell} by another method" if level.fell else ""
-    return (
-        f"{mark} {level.name:11} {speed['steps_per_s']:8,.0f}  {speed['contacts']:8.1f}"
-        f"  {speed['geoms']:5}   {speed['self_contacts']:14}  {speed['deepest_mm']:4.1f} mm"
-        f"  {creep:>11}   {speed['held'] or '-':>6}   {iou}  {outside} {level.build_s:6.1f} s{fell}"
-    )
+def _row(level: Level, *, is_best: bool) -> tuple[object, ...]:
+    figures = [(level.speed or {}).get(key) for key in SHOWN]
+    note = level.error or (f"{level.fell} by another method" if level.fell else None)
+    name = f"{level.name} *" if is_best else level.name
+    return (name, *figures, level.iou, level.outside_mm, level.build_s, note)
 
 
 SECONDS = 900

@@ -10,6 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.filesize import decimal
+
 from assetbuild.engine.housekeeping import check, collect, stats
 from assetbuild.engine.machine import cache_root
 from assetbuild.engine.session import Resolver, Session
@@ -43,8 +45,8 @@ def _stats(root: Path, *, as_json: bool) -> int:
     if as_json:
         print(json.dumps({"root": str(root), **asdict(store_stats)}, indent=2, sort_keys=True))
         return 0
-    print(f"{root}: {_size_text(store_stats.total_bytes)}")
-    print(f"  objects: {store_stats.objects}, {_size_text(store_stats.object_bytes)}")
+    print(f"{root}: {decimal(store_stats.total_bytes)}")
+    print(f"  objects: {store_stats.objects}, {decimal(store_stats.object_bytes)}")
     print(f"  results of steps: {store_stats.actions}")
     if homes := sorted((root / "environments").glob("*")):
         print(f"  trainers' environments, to delete by hand: {', '.join(map(str, homes))}")
@@ -105,18 +107,9 @@ def _check(store: Store) -> int:
 def _gc(store: Store, max_bytes: int) -> int:
     done = collect(store, max_bytes)
     print(
-        f"{_size_text(done.before)} -> {_size_text(done.after)}: "
+        f"{decimal(done.before)} -> {decimal(done.after)}: "
         f"{done.actions} results and {done.objects} objects removed"
     )
     if done.after > max_bytes:
         print("over the limit: builds that run now use the rest", file=sys.stderr)
     return 0
-
-
-def _size_text(size: int) -> str:
-    value, unit = float(size), "bytes"
-    for unit in ("bytes", "kB", "MB", "GB"):
-        if value < 1000 or unit == "GB":
-            break
-        value /= 1000
-    return f"{size} bytes" if unit == "bytes" else f"{value:.1f} {unit}"

@@ -24,7 +24,10 @@ from assetbuild.identify.plan import excite as add_excite
 from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.recipe.validation import follow
+from assetbuild.recipe.yaml_tree import plain
+from assetbuild.report.html import fit_tables
+from assetbuild.report.tables import table, text_table
 from assetbuild.robot.codec import decode
 from assetbuild.robot.identify import Fit
 from assetbuild.robot.model import Actuator, Control
@@ -52,8 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.ranges:
         print(as_ranges(fits, loaded.recipe.simulation.timestep))
     else:
-        for fit in fits:
-            _print(fit)
+        for shown in (each for fit in fits for each in fit_tables(fit)):
+            print(text_table(shown))
     if arguments.write:
         count = write_rows(loaded, control.actuators)
         print(f"{count} rows written to {arguments.recipe}", file=sys.stderr)
@@ -76,18 +79,19 @@ def _excite(arguments: argparse.Namespace, loaded: LoadedRecipe) -> int:
     if arguments.json:
         print(json.dumps(expected, indent=1))
         return 0
-    wide = max(len(row["joint"]) for row in expected)
-    print(f"{'joint':{wide}} {'parameter':9} {'prior':>9} {'95 % +-':>12} {'shown from':>11}")
-    for row in expected:
-        note = "only together with another" if row["confounded"] else ""
-        if 0.0 < row["prior"] < row["shown_from"]:
-            note = note or "smaller than what shows: record with lower kp and kd"
-        print(
-            f"{row['joint']:{wide}} {row['parameter']:9} {row['prior']:9.4g} "
-            f"{row['half_width']:12.3g} {row['shown_from']:11.3g}  {note}"
-        )
+    keys = ("joint", "parameter", "prior", "half_width", "shown_from")
+    rows = [(*(row[key] for key in keys), _remark(row)) for row in expected]
+    head = ("joint", "parameter", "prior", "95 % +-", "shown from", "remark")
+    print(text_table(table("", head, rows)))
     print(f"commands and a script that plays them: {out}")
     return 0
+
+
+def _remark(row: Mapping[str, Any]) -> str:  # Any: JSON
+    if row["confounded"]:
+        return "only together with another"
+    is_small = 0.0 < row["prior"] < row["shown_from"]
+    return "smaller than what shows: record with lower kp and kd" if is_small else ""
 
 
 PLAY = '''"""Plays excite.csv on a robot and writes log.csv for `assetbuild identify`.
@@ -129,26 +133,6 @@ with open("log.csv", "w", newline="") as file:  # all at the end: a disk makes t
 '''
 
 
-def _print(fit: Fit) -> None:
-    for log in fit.logs:
-        print(
-            f"{log.file}: {log.seconds:.4g} s fitted, {log.held_s:.4g} s held out, "
-            f"{log.rate_hz:.4g} Hz, sha256 {log.sha256[:12]}"
-        )
-    wide = max((len(p.label) for p in fit.parameters), default=0)
-    print(f"{'parameter':{wide}} {'value':>10} {'95 % interval':>23} {'prior':>9}")
-    for each in fit.parameters:
-        prior = "-" if each.prior is None else f"{each.prior:.4g}"
-        interval = f"{each.low:.4g} .. {each.high:.4g}"
-        value = "refused" if each.refused else f"{each.value:.4g}"
-        end = each.refused or each.unit
-        print(f"{each.label:{wide}} {value:>10} {interval:>23} {prior:>9}  {end}")
-    wide = max((len(p.joint) for p in fit.predictions), default=0)
-    print(f"{'RMS of the position':{max(wide, 19)}}   fitted  held out: priors   identified")
-    for one in fit.predictions:
-        print(f"{one.joint:{max(wide, 19)}} {one.fitted:8.2e} {one.before:17.2e} {one.after:12.2e}")
-
-
 def plan_excite(work: Opened, seconds: float, p: Planner) -> None:
     """Add the node `excite` and what it needs."""
     outline = replace(work, loaded=work.loaded.but(identify=())).robot(p)
@@ -184,11 +168,12 @@ def write_rows(loaded: LoadedRecipe, actuators: Sequence[Actuator]) -> int:
     joints = [row.joint for row in actuators]
     count = 0
     rows = list(zip(loaded.recipe.actuators, spans, strict=True))
-    for row, (first, last, indent) in reversed(rows):
+    for index, (row, (first, last, indent)) in reversed([*enumerate(rows)]):
         row_joints = [name for name in joints if re.fullmatch(row.joints, name)]
         if not any(name in measured for name in row_joints):
             continue
-        written = list(_rows(row, row_joints, measured))
+        stated = plain(follow(loaded.tree, ("actuators", index))[1])
+        written = list(_rows(stated, row_joints, measured))
         count += sum("measured" in each for each in written)
         text = text[:first] + f"\n{indent}- ".join(_flow(e, indent) for e in written) + text[last:]
     half = loaded.path.with_name(f".{loaded.path.name}.new")
@@ -226,17 +211,16 @@ def _without_tail(text: str) -> str:
 
 
 def _rows(
-    row: ActuatorRow, joints: Sequence[str], measured: Mapping[str, Actuator]
+    stated: Any, joints: Sequence[str], measured: Mapping[str, Actuator]
 ) -> Iterator[dict[str, Any]]:  # Any: YAML
     """The rows in place of one: joints with equal numbers share a row, as do those with none."""
-    stated = row.model_dump(exclude_unset=True)
     groups: dict[str, tuple[dict[str, Any], list[str]]] = {}  # Any: YAML
     for joint in joints:
         keys = {k: v for k, v in stated.items() if k not in ("joints", "measured", "source")}
         if joint in measured:
             keys |= _numbers(measured[joint], keys)
-        elif row.source:
-            keys["source"] = row.source
+        elif "source" in stated:
+            keys["source"] = stated["source"]
         groups.setdefault(json.dumps(keys), (keys, []))[1].append(joint)
     for keys, names in groups.values():
         yield {"joints": "|".join(map(re.escape, names)), **keys}
@@ -250,23 +234,6 @@ def _numbers(actuator: Actuator, keys: dict[str, Any]) -> dict[str, Any]:  # Any
 
 
 def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
-    """`{joints: .., ..}`; what was measured on lines of its own."""
-    head = [f"{k}: {_text(v)}" for k, v in row.items() if k not in row.get("measured", ())]
-    if "measured" not in row:
-        return "{" + ", ".join(head) + "}"
-    numbers = ", ".join(f"{name}: {row[name]!r}" for name in row["measured"])
-    entries = [part for part in head if not part.startswith(("measured:", "source:"))]
-    names = ", ".join(row["measured"])
-    return (
-        "{" + ", ".join(entries) + f",\n{indent}   {numbers},\n{indent}   measured: [{names}],\n"
-        f"{indent}   source: {json.dumps(row['source'])}}}"
-    )
-
-
-def _text(value: Any) -> str:  # Any: YAML
-    """A plain word or number as people write it, all else as JSON."""
-    if isinstance(value, float) and value.is_integer() and abs(value) < 1e9:
-        return str(int(value))
-    if isinstance(value, str) and re.fullmatch(r"[a-z]\w*_\w+|pd|ideal_pd", value, re.ASCII):
-        return value
-    return json.dumps(value)
+    """`{joints: .., ..}`, on several lines where it is long."""
+    text = yaml.safe_dump(row, default_flow_style=True, sort_keys=False, allow_unicode=True)
+    return str(text).strip().replace("\n", f"\n{indent}")

@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 
 from assetbuild.cli.progress import progress
-from assetbuild.cli.summary import in_public
+from assetbuild.cli.summary import finding_text, in_public
 from assetbuild.pipeline.policies import Replayed, Wish, check_policy, draw_replays, replay_policy
 from assetbuild.policy.replay import Replay
 from assetbuild.report.summary import WITHHELD
@@ -26,9 +26,7 @@ def _check(arguments: argparse.Namespace) -> int:
         print(json.dumps([finding.to_json() for finding in findings], indent=1, sort_keys=True))
         return 1 if wrong else 0
     for finding in findings:
-        print(f"{finding.severity} {finding.rule}: {finding.subject}: {finding.message}")
-        if finding.hint and finding.severity != "info":
-            print(f"  hint: {finding.hint}")
+        print(finding_text(finding))
     file = _named(policy.file)
     print(f"{file}: {len(policy.acts_on)} joints, {len(policy.terms)} observations; "
           f"{len(wrong)} that do not fit")  # fmt: skip

@@ -6,9 +6,8 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 from assetbuild.cli.summary import shown_seconds
 from assetbuild.engine.execute import Costs, Event
@@ -98,15 +97,6 @@ def at_work(
             yield Opened(loaded, lock, session, runner, jobs, shown.on_event), shown
 
 
-@dataclass(frozen=True)
-class Running:
-    """A step that runs: since when (monotonic s), and how many steps wait for it."""
-
-    label: str
-    began: float
-    waiting: int
-
-
 class LiveProgress(Progress):
     """One line that is written over: how far, since when, how long still, and what runs."""
 
@@ -115,7 +105,8 @@ class LiveProgress(Progress):
         from rich.live import Live
 
         super().__init__(name)
-        self._running: dict[str, Running] = {}
+        self._running: dict[str, float] = {}
+        """Label of each step that runs -> when it began, monotonic s."""
         self._head = ""
         self._console = Console(stderr=True, highlight=False, markup=False, emoji=False)
         self._live = Live(
@@ -133,8 +124,7 @@ class LiveProgress(Progress):
         result = self._tried(event)
         self._head = self._counted(event)
         if event.kind == "started":
-            running = Running(event.label, time.monotonic(), event.waiting)
-            self._running |= {event.label: running}
+            self._running |= {event.label: time.monotonic()}
         elif event.kind == "finished":
             self._running = {k: v for k, v in self._running.items() if k != event.label}
         if result is not None and result.seconds >= SLOW_S:
@@ -149,14 +139,15 @@ class LiveProgress(Progress):
         self._live.stop()
 
     def _line(self) -> str:
-        running, now = list(self._running.values()), time.monotonic()
+        now = time.monotonic()
+        running = {label: now - began for label, began in self._running.items()}
         if not running:
             return ""
-        left = self._forecast.left_s({step.label: now - step.began for step in running})
+        left = self._forecast.left_s(running)
         times = shown_time(now - self._began)
         if self._whole and left >= WORTH_SAYING_S:
             times += f", {self._forecast.word} {shown_time(left)} left"
-        words = ", ".join(running_words(running, now))
+        words = ", ".join(f"{label} {s:.0f} s" for label, s in running.items())
         return f"{self._name} {self._head} {times}: {words}"[: self._console.width - 1]
 
 
@@ -202,10 +193,3 @@ def shown_time(seconds: float) -> str:
     """`8 s`, `2 min 05 s`."""
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
-
-
-def running_words(running: Sequence[Running], now: float) -> list[str]:
-    """`auto trunk 12 s`, ...: first what most others wait for."""
-    ordered = sorted(running, key=lambda step: (-step.waiting, step.began))
-    times = [(step.label, now - step.began) for step in ordered]
-    return [f"{label} {s:.0f} s" if s >= 1.0 else label for label, s in times]

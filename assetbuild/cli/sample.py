@@ -18,6 +18,7 @@ from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import add_target
 from assetbuild.report.bundle import BundleFile, json_text, manifest
+from assetbuild.report.tables import table, text_table
 from assetbuild.samples.draw_samples import ApplySample, DrawSamples
 
 
@@ -39,15 +40,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _print_table(statistics: dict[str, Any]) -> None:  # Any: JSON
-    rows = statistics["bodies"]
-    if not rows:
-        return
-    wide = max(len(name) for name in ("body", *(row["body"] for row in rows)))
-    print(f"{statistics['draws']:,} draws")
-    print(f"{'body':{wide}} {'mass, kg':>19} {'bad':>4}")
-    for row in rows:
-        spread = f"{row['mass_kg']['least']:.4g}..{row['mass_kg']['most']:.4g}"
-        print(f"{row['body']:{wide}} {spread:>19} {row['inconsistent']:4d}")
+    rows = [
+        (row["body"], row["mass_kg"]["least"], row["mass_kg"]["most"], row["inconsistent"])
+        for row in statistics["bodies"]
+    ]
+    head = ("body", "least mass, kg", "most", "bad")
+    print(text_table(table(f"{statistics['draws']:,} draws", head, rows)))
 
 
 Samples = tuple[Node, list[Node]] | None

@@ -150,7 +150,7 @@ def finding_lines(findings: Sequence[Finding]) -> list[str]:
     """
     loud = [finding for finding in findings if finding.severity != "info"]
     groups = [list(same) for _, same in groupby(loud, key=_told_together)]
-    lines = [line for group in groups[:SHOWN_RULES] for line in _group_lines(group)]
+    lines = [f"    {line}" for group in groups[:SHOWN_RULES] for line in _group_lines(group)]
     left = sum(map(len, groups[SHOWN_RULES:]))
     return [*lines, f"    and {left} more in the report"] if left else lines
 
@@ -158,7 +158,7 @@ def finding_lines(findings: Sequence[Finding]) -> list[str]:
 def every_finding_line(findings: Sequence[Finding]) -> list[str]:
     """All findings, those that merely inform too: each rule once, with whom it speaks of."""
     groups = [list(same) for _, same in groupby(findings, key=_told_together)]
-    return [line.removeprefix("    ") for group in groups for line in _group_lines(group)]
+    return [line for group in groups for line in _group_lines(group)]
 
 
 def print_findings(findings: Sequence[Finding]) -> None:
@@ -176,18 +176,21 @@ def _group_lines(group: Sequence[Finding]) -> list[str]:
     first, *others = group
     if is_consequence(first):
         rules = ", ".join(dict.fromkeys(finding.rule for finding in group))
-        return [f"    {first.severity} {rules}: caused by the errors above"]
-    place = f"{first.where}: " if first.where else ""
-    line = f"    {first.severity} {first.rule}: {place}{first.subject}: {shown_message(first)}"
-    lines = [line]
-    if first.hint:
-        lines.append(f"      hint: {first.hint}")
+        return [f"{first.severity} {rules}: caused by the errors above"]
+    lines = finding_text(first).split("\n")
     if others:
         known = list(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
         names = ", ".join([*known[:SHOWN_NAMES], *(["..."] if len(known) > SHOWN_NAMES else [])])
-        lines.append(f"      and {len(others)} more{f': {names}' if names else ''}")
-    lines[0] = lines[0].replace(first.severity, _coloured(first.severity, first.severity), 1)
+        lines.append(f"  and {len(others)} more{f': {names}' if names else ''}")
     return lines
+
+
+def finding_text(finding: Finding) -> str:
+    """The finding with its place, and its hint on a second line."""
+    severity = _coloured(finding.severity, finding.severity)
+    place = f"{finding.where}: " if finding.where else ""
+    hint = f"\n  hint: {finding.hint}" if finding.hint else ""
+    return f"{severity} {finding.rule}: {place}{finding.subject}: {shown_message(finding)}{hint}"
 
 
 def _coloured(text: str, kind: str) -> str:

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from assetbuild.cli.progress import progress
-from assetbuild.cli.summary import shown_message
+from assetbuild.cli.summary import finding_text
 from assetbuild.pipeline.opening import remote_cache
 from assetbuild.pipeline.validating import Wish, validate
 
@@ -34,10 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
         return code
     for one in results:
         for finding in one.findings:
-            print(f"{finding.severity} {finding.rule}: {finding.where or one.file}: "
-                  f"{finding.subject}: {shown_message(finding)}")  # fmt: skip
-            if finding.hint and finding.severity != "info":
-                print(f"  hint: {finding.hint}")
+            print(finding_text(finding if finding.where else finding.at(one.file)))
         severities = [finding.severity for finding in one.findings]
         numbers = [(word, severities.count(word)) for word in ("error", "warning")]
         counts = ", ".join(f"{n} {word}{'' if n == 1 else 's'}" for word, n in numbers)

@@ -59,7 +59,6 @@ class Event:
     adds steps, so `total` stays.
     started: the step of `label` begins to run (a cached node does not start).
     finished: `result` is there. done counts finished and blocked nodes.
-    waiting: how many nodes cannot be made before the one that started is.
     """
 
     kind: Literal["planned", "started", "finished"]
@@ -67,7 +66,6 @@ class Event:
     total: int
     label: str = ""
     result: NodeResult | None = None
-    waiting: int = 0
     whole: bool = True
     costs: Costs | None = None
 
@@ -204,7 +202,7 @@ class _Schedule:
 
     def _take(self, label: str, message: _Message) -> None:
         if message == "started":
-            self._say("started", label, waiting=len(_reached(label, self.readers)))
+            self._say("started", label)
             for reader in self.readers[label]:
                 self.maker.runner.prepare(self.graph.nodes[reader].step)
             return
@@ -252,10 +250,9 @@ class _Schedule:
         kind: Literal["started", "finished"],
         label: str,
         result: NodeResult | None = None,
-        waiting: int = 0,
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
-        self.tell(Event(kind, done, total, label, result, waiting, self.whole))
+        self.tell(Event(kind, done, total, label, result, self.whole))
 
 
 def _reached(label: str, edges: Mapping[str, Sequence[str]]) -> dict[str, None]:

@@ -74,7 +74,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
         view=view if view and view.library else None,
         robot=Markup(view_data(subject).replace("<", "\\u003c")),  # noqa: S704 # ends no script
         groups=_grouped(report.checks),
-        fits=[(fit, list(_tables(fit))) for fit in subject.fits],
+        fits=[(fit, list(fit_tables(fit))) for fit in subject.fits],
         tables=card_tables(subject, report),
         built=_provenance(subject),
     )  # fmt: skip
@@ -212,7 +212,8 @@ def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, s
 # --- what was measured ----------------------------------------------------------------------
 
 
-def _tables(fit: Fit) -> Iterator[Table]:
+def fit_tables(fit: Fit) -> Iterator[Table]:
+    """What the logs of the real robot showed."""
     yield table(
         "Parameters",
         ("parameter", "value", "low", "high", "prior", "unit", "verdict"),

@@ -78,5 +78,17 @@ def markdown_table(shown: Table) -> str:
     return "\n".join([*([shown.note, ""] if shown.note else []), *lines])
 
 
+def text_table(shown: Table) -> str:
+    """Columns for a terminal below their title."""
+    cells = [shown.head, *(tuple(map(text_of, row)) for row in shown.rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    sides = [">" if is_number else "<" for is_number in shown.numbers] or ["<"] * len(widths)
+    lines = [": ".join(filter(None, (shown.title, shown.note)))]
+    for row in cells:
+        columns = zip(row, sides, widths, strict=True)
+        lines.append("  ".join(f"{cell:{side}{width}}" for cell, side, width in columns).rstrip())
+    return "\n".join(lines if lines[0] else lines[1:])
+
+
 def _cell(value: object) -> str:
     return " ".join(text_of(value).replace("|", "\\|").split())

@@ -11,13 +11,7 @@ import pytest
 from assetbuild.cli import report
 from assetbuild.cli.parser import given_as
 from assetbuild.cli.plan import told_of_all
-from assetbuild.cli.progress import (
-    Forecast,
-    Progress,
-    Running,
-    running_words,
-    shown_time,
-)
+from assetbuild.cli.progress import Forecast, Progress, shown_time
 from assetbuild.cli.summary import (
     every_finding_line,
     finding_lines,
@@ -98,12 +92,6 @@ def test_a_command_is_printed_with_the_path_as_given():
     assert "; run `assetbuild smoke 'my robots/r.yaml' --consumer mjlab`" in row
     (row,) = (said for _, said in verdict_rows(verdict) if "smoke" in said)
     assert "in the folder of the recipe, run `assetbuild smoke r.yaml --consumer mjlab`" in row
-
-
-def test_the_progress_line_begins_with_what_most_steps_wait_for():
-    running = [Running("pictures", 90.0, 0), Running("auto trunk", 88.0, 31)]
-    words = running_words(running, 100.0)
-    assert words == ["auto trunk 12 s", "pictures 10 s"]
 
 
 def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain():
