@@ -18,7 +18,6 @@ from pydantic_core import PydanticUndefined
 
 from assetbuild.collision import CollisionMethod
 from assetbuild.engine.world import World
-from assetbuild.errors import did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
 from assetbuild.plugin_types import Check, Edit, Plugin, Target
@@ -26,7 +25,6 @@ from assetbuild.plugins import foreign_names, load_plugin, own_names, plugin_nam
 from assetbuild.recipe.loader import LoadedRecipe, load
 from assetbuild.recipe.models import Collision, CollisionRule, OneEdit, Recipe, ShapedRule, Validate
 from assetbuild.recipe.schema import schema_of
-from assetbuild.recipe.validation import Key, Misnamed
 from assetbuild.recipe.yaml_tree import Node, plain
 from assetbuild.recipe_types import Model, Pattern, unstated
 
@@ -66,13 +64,9 @@ def whole_model() -> type[Recipe]:
     )
 
 
-def model_of(root: Node) -> tuple[type[Recipe], list[Misnamed]]:
-    """A recipe with the keys of the plug-ins that its tree names, and names that no plug-in has.
-
-    No other plug-in is imported.
-    """
-    content = _map(plain(root))
-    return _model(_named(content)), list(_misnamed(content))
+def model_of(root: Node) -> type[Recipe]:
+    """A recipe with the keys of the plug-ins that its tree names; no other is imported."""
+    return _model(_named(_map(plain(root))))
 
 
 def collision_rule(**keys: object) -> CollisionRule:
@@ -103,12 +97,11 @@ def _named(content: Said) -> _Named:
     """The plug-ins that a recipe names, in whatever section; names that no plug-in has are left."""
     words = {str(name) for name in _list(content.get("targets"))} | set(content)
     edits = {name for entry in _list(content.get("edits")) for name in _map(entry)}
-    methods = {"auto"} | {method for _, method in _methods(content)}
     targets = tuple(sorted(words & {*plugin_names(Target)}))
     return _Named(
         targets,
         tuple(sorted(edits & {*plugin_names(Edit)})),
-        tuple(sorted(methods & {*_method_names()})),
+        tuple(sorted(_methods(content) & {*plugin_names(CollisionMethod), *BUILT_IN})),
         _named_checks(content),
         _named_readers(targets),
     )
@@ -153,39 +146,11 @@ def _names(plugins: Iterable[tuple[str, object]]) -> tuple[str, ...]:
     return tuple(name for name, _ in plugins)
 
 
-def _misnamed(content: Said) -> Iterator[Misnamed]:
-    """Targets, edits and collision methods that there are not."""
-    names = plugin_names(Target)
-    for index, name in enumerate(_list(content.get("targets"))):
-        if isinstance(name, str) and name not in names:
-            key: Key = ("targets", index)
-            yield Misnamed(key, key, f"no target named `{name}`", did_you_mean(name, names))
-    names = plugin_names(Edit)
-    for index, entry in enumerate(_list(content.get("edits"))):
-        item: Key = ("edits", index)
-        for name in set(_map(entry)) - set(names):
-            hint = did_you_mean(name, names)
-            yield Misnamed((*item, name), item, f"no edit named `{name}`", hint)
-    names = _method_names()
-    for rule, name in _methods(content):
-        if name not in names:
-            message = f"{'.'.join(rule)}: no collision method `{name}`"
-            yield Misnamed((*rule, "method"), rule, message, did_you_mean(name, names))
-
-
-def _method_names() -> tuple[str, ...]:
-    """The collision methods that a rule may name."""
-    return (*plugin_names(CollisionMethod), *BUILT_IN)
-
-
-def _methods(content: Said) -> Iterator[tuple[tuple[str, ...], str]]:
-    """The collision rules that state a method, by their keys, and the method."""
+def _methods(content: Said) -> set[str]:
+    """The collision methods that rules name, and `auto`."""
     collision = _map(content.get("collision"))
-    rules: dict[tuple[str, ...], object] = {("collision", "default"): collision.get("default")}
-    rules |= {("collision", "links", p): rule for p, rule in _map(collision.get("links")).items()}
-    for key, rule in rules.items():
-        if isinstance(method := _map(rule).get("method"), str):
-            yield key, method
+    rules = (collision.get("default"), *_map(collision.get("links")).values())
+    return {"auto"} | {str(_map(rule).get("method")) for rule in rules}
 
 
 def _map(value: object) -> Said:
@@ -213,6 +178,7 @@ def _model(named: _Named, *, any_recipe: bool = False) -> type[Recipe]:
             for path, (kind, default) in fields.items()
         }
     validate = _validate(checks)
+    target: Any = Literal[tuple(plugin_names(Target))]  # Any: a type made just now
     edit: Any = _of_base(  # Any: a model made just now
         OneEdit, {name: (load_plugin(Edit, name), Field(None)) for name in named.edits}
     )
@@ -220,6 +186,7 @@ def _model(named: _Named, *, any_recipe: bool = False) -> type[Recipe]:
     fields |= {
         "collision": (collision, collision()),
         "edits": (tuple[edit, ...], Recipe.model_fields["edits"]),
+        "targets": (tuple[target, ...], Recipe.model_fields["targets"]),
         "validate_": (validate, Field(validate(), alias="validate")),
     }
     model = _of_base(Recipe, fields)

@@ -20,7 +20,6 @@ from assetbuild.recipe.renamed_keys import with_new_keys
 from assetbuild.recipe.validation import (
     Key,
     KeyedError,
-    Misnamed,
     follow,
     key_text,
     locate,
@@ -167,23 +166,22 @@ class LoadedRecipe:
         return RecipeError(message, where=self.where(error.key), hint=error.hint)
 
 
-ModelOf = Callable[[Node], tuple[type[Recipe], list[Misnamed]]]
-Whole = Callable[[], type[Recipe]]
-
-
 def load(
-    path: Path, variant: str | None, model_of: ModelOf, whole: Whole, world: World
+    path: Path,
+    variant: str | None,
+    model_of: Callable[[Node], type[Recipe]],
+    whole: Callable[[], type[Recipe]],
+    world: World,
 ) -> LoadedRecipe:
     """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
 
-    model_of: the recipe with the keys that a tree may have, and the names in it that no plug-in
-    has; whole: with all keys that there are, to explain what is wrong. All variants are checked,
-    also those that nobody asked for, and all mistakes are reported at once.
+    model_of: the recipe with the keys that a tree may have; whole: with all keys that there are,
+    to explain what is wrong. All variants are checked, also those that nobody asked for, and all
+    mistakes are reported at once.
     """
 
     def check(root: Node) -> Recipe:
-        model, misnamed = model_of(root)
-        return validated(model, root, RecipeError, whole, misnamed)
+        return validated(model_of(root), root, RecipeError, whole)
 
     one = partial(_load, check=check, world=world)
     return _with_parts(one(path, variant), one)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -16,34 +16,32 @@ from assetbuild.robot.actuator_table import RowError
 M = TypeVar("M", bound=BaseModel)
 Key = tuple[str | int, ...]
 
-_EXPECTED = {
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "string_type": "text",
-    "bool_type": "`true` or `false`",
-    "tuple_type": "a list",
-    "list_type": "a list",
-    "dict_type": "a map",
-    "model_type": "a map",
-    "model_attributes_type": "a map",
+_SENTENCES = {
+    "float_type": "expected a number, found {found}",
+    "float_parsing": "expected a number, found {found}",
+    "int_type": "expected a whole number, found {found}",
+    "int_from_float": "expected a whole number, found {found}",
+    "int_parsing": "expected a whole number, found {found}",
+    "string_type": "expected text, found {found}",
+    "bool_type": "expected `true` or `false`, found {found}",
+    "tuple_type": "expected a list, found {found}",
+    "list_type": "expected a list, found {found}",
+    "dict_type": "expected a map, found {found}",
+    "model_type": "expected a map, found {found}",
+    "model_attributes_type": "expected a map, found {found}",
+    "greater_than": "must be greater than {gt:g}, found {found}",
+    "greater_than_equal": "must be at least {ge:g}, found {found}",
+    "less_than": "must be less than {lt:g}, found {found}",
+    "less_than_equal": "must be at most {le:g}, found {found}",
+    "too_short": "must have {min_length} or more items, found {actual_length}",
+    "too_long": "must have {max_length} or fewer items, found {actual_length}",
+    "string_too_short": "must have {min_length} or more characters, found {found}",
+    "string_too_long": "must have {max_length} or fewer characters, found {found}",
+    "string_pattern_mismatch": "{found} does not fit `{pattern}`",
 }
+"""Kind of an error of pydantic -> its sentence, with the limits of its context."""
 _EXPLAINED = 200
 """So many errors get their sentence; a hostile recipe may have fifty thousand."""
-_BOUNDS = {
-    "greater_than": ("greater than", "gt"),
-    "greater_than_equal": ("at least", "ge"),
-    "less_than": ("less than", "lt"),
-    "less_than_equal": ("at most", "le"),
-}
-_LENGTHS = {
-    "too_short": ("at least", "min_length", "item"),
-    "too_long": ("at most", "max_length", "item"),
-    "string_too_short": ("at least", "min_length", "character"),
-    "string_too_long": ("at most", "max_length", "character"),
-}
 
 
 class KeyedError(RowError):
@@ -57,32 +55,18 @@ class KeyedError(RowError):
         self.reason = reason
 
 
-@dataclass(frozen=True)
-class Misnamed:
-    """A name that no plug-in has. key: where it stands; covers: what cannot be judged without."""
-
-    key: Key
-    covers: Key
-    message: str
-    hint: str
-
-
 def validated(
     model: type[M],
     root: Node,
     error: type[AssetBuildError],
     whole: Callable[[], type[BaseModel]] | None = None,
-    misnamed: Sequence[Misnamed] = (),
 ) -> M:
     """The model behind the tree; raises `error` with every problem, the first in file order.
 
     whole: the model with all keys that there are, where `model` has only some of them; it
-    explains what is wrong. misnamed: problems that are known already.
+    explains what is wrong.
     """
     wrong = Gather(error)
-    for name in misnamed:
-        with wrong:
-            raise error(name.message, where=locate(root, name.key), hint=name.hint)
     details: list[Any] = []  # Any: pydantic's ErrorDetails, whose ctx is open
     try:
         valid = model.model_validate(plain(root), strict=True)
@@ -91,7 +75,7 @@ def validated(
     details.sort(key=lambda raw: _in_file_order(raw, root))
     known = whole() if whole and details else model  # importing every plug-in takes long
     problems = _distinct([_explained(raw, root, known) for raw in details[:_EXPLAINED]])
-    for one in _telling(problems, misnamed):
+    for one in _telling(problems):
         message = f"{key_text(one.key)}: {one.message}" if one.key else one.message
         with wrong:
             raise error(message, where=one.where, hint=one.hint)
@@ -99,16 +83,13 @@ def validated(
     return valid
 
 
-def _telling(problems: list[_Problem], misnamed: Sequence[Misnamed]) -> Iterator[_Problem]:
-    """Drop a key that is missing because it is spelt wrong, and what a wrong name causes."""
+def _telling(problems: list[_Problem]) -> Iterator[_Problem]:
+    """Drop a key that is missing because it is spelt wrong."""
     spelt = {(p.key[:-1], p.hint) for p in problems if p.message == "unknown key"}
     for one in problems:
-        if one.message.startswith("missing key"):
-            if one.reach and (one.key, f"did you mean `{one.reach[-1]}`?") in spelt:
-                continue
-        elif any(one.key[: len(name.covers)] == name.covers for name in misnamed):
-            continue
-        yield one
+        is_missing = one.message.startswith("missing key") and bool(one.reach)
+        if not (is_missing and (one.key, f"did you mean `{one.reach[-1]}`?") in spelt):
+            yield one
 
 
 def locate(root: Node, key: Key) -> Where:
@@ -142,7 +123,9 @@ class _Problem:
 
 def _found(raw: Any, root: Node) -> tuple[Key, Node, Where]:  # Any: as above
     """What an error of pydantic is about, and where that stands."""
-    key, node, where = follow(root, raw["loc"], has_tags=True)
+    # The forms of a map are told apart by its key `method`.
+    chosen = ("method",) if raw["type"] == "union_tag_invalid" else ()
+    key, node, where = follow(root, (*raw["loc"], *chosen), has_tags=True)
     whole = isinstance(node.value, dict | tuple) or node.value is None
     at_key = whole or raw["type"] == "extra_forbidden" or raw["loc"][-1:] == ("[key]",)
     return key, node, where if at_key else node.where
@@ -201,29 +184,18 @@ def _sentence(
         if key[-1] == "stiffness" and "kd" in known:
             hint += " `damping` is the joint's own, the drive's is `kd`"
         return f"`{choice}` has no key `{key[-1]}`" if choice else "unknown key", hint
-    if kind in ("literal_error", "enum"):
+    if kind in ("literal_error", "union_tag_invalid"):
         values = allowed_values(model, key)
         *most, last = [f"`{value}`" for value in values] or ["another value"]
         expected = f"{', '.join(most)} or {last}" if most else last
         near = did_you_mean(node.text, values) if isinstance(node.value, str) else ""
         return f"expected {expected}, found {actual}", near if near.startswith("did") else ""
-    if kind in _EXPECTED:
-        hint = meaning(model, key)
-        if kind == "string_type" and isinstance(node.value, int | float):
-            hint = f'put it in quotes: "{node.text[:60]}"'
-        return f"expected {_EXPECTED[kind]}, found {actual}", hint
-    if kind in _BOUNDS:
-        words, name = _BOUNDS[kind]
-        return f"must be {words} {raw['ctx'][name]:g}, found {actual}", meaning(model, key)
-    if kind in _LENGTHS:
-        words, name, thing = _LENGTHS[kind]
-        limit, found = raw["ctx"][name], raw["ctx"].get("actual_length", actual)
-        needed = f"{words} {limit} {thing}{'' if limit == 1 else 's'}"
-        return f"must have {needed}, found {found}", meaning(model, key)
-    if kind == "string_pattern_mismatch":
-        pattern = raw["ctx"]["pattern"]
-        return f"{actual} does not fit `{pattern}`", meaning(model, key)
-    return _said(raw), meaning(model, key) if key else ""
+    hint = meaning(model, key) if key else ""
+    if kind == "string_type" and isinstance(node.value, int | float):
+        hint = f'put it in quotes: "{node.text[:60]}"'
+    if kind in _SENTENCES:
+        return _SENTENCES[kind].format(found=actual, **raw.get("ctx", {})), hint
+    return _said(raw), hint
 
 
 _CALLED_HERE = {

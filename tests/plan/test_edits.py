@@ -44,7 +44,7 @@ def test_an_edit_sees_the_names_that_the_one_before_gave(tmp_path):
 @pytest.mark.parametrize(
     ("edit", "place", "said"),
     [
-        ("set_mas: {link: tip}", "5:5", "no edit named `set_mas`"),
+        ("set_mas: {link: tip}", "5:5", "set_mas: unknown key"),
         ("set_mass: {link: tip}", "5:5", "missing key `mass`"),
         ("set_mass: {link: tip, mass: -1}", "5:33", "greater than 0"),
         ("set_mass: {link: tip, mas: 1}", "5:27", "unknown key"),
