@@ -16,7 +16,8 @@ from assetbuild.engine.execute import Event
 from assetbuild.errors import AssetBuildError, MachineError
 from assetbuild.findings import is_consequence, worst_first
 from assetbuild.pipeline.building import Outcome
-from assetbuild.report.summary import markdown_cell, public_message, summary
+from assetbuild.report.summary import markdown_text, public_message, summary
+from assetbuild.report.tables import markdown_table, table
 
 
 @contextmanager
@@ -163,7 +164,9 @@ LEVELS = ("error", "warning")
 
 def step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | None = None) -> str:
     """Markdown: a table with a row for each robot, then what each of them has to say."""
-    parts = ["\n".join(_overview(outcomes))] if outcomes else []
+    head = ("robot", "ready", "checks", "errors", "warnings", "steps run", "seconds")
+    rows = table("", head, map(_overview, outcomes))
+    parts = [f"{markdown_table(rows)}\n"] if outcomes else []
     parts += [markdown(outcome) for outcome in outcomes]
     if error is not None:
         messages = "\n\n".join(_code(str(each)) for each in error.each())
@@ -171,22 +174,18 @@ def step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | None = No
     return "\n".join(parts) + "\n"
 
 
-def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
-    yield "| robot | ready | checks | errors | warnings | steps run | seconds |"
-    yield "| --- | --- | --- | --- | --- | --- | --- |"
-    for outcome in outcomes:
-        ran = sum(result.status == "ran" for result in outcome.results.values())
-        work = (f"{ran} of {len(outcome.results)}", f"{outcome.seconds:.1f}")
-        robot, report = markdown_cell(outcome.loaded.recipe.robot), outcome.report
-        judged = ("not built", "", str(len(outcome.errors)), "")
-        if report is not None:
-            states = Counter(check.status for check in report.checks.values())
-            counts = Counter(finding.severity for finding in report.findings)
-            checks = f"{states['pass']} of {states['pass'] + states['fail']}"
-            ready = "yes" if report.verdict.ready else "**no**"
-            judged = (ready, checks, f"{counts['error']}", f"{counts['warning']}")
-        yield f"| {' | '.join((robot, *judged, *work))} |"
-    yield ""
+def _overview(outcome: Outcome) -> tuple[object, ...]:
+    """Return the row of one recipe."""
+    ran = sum(result.status == "ran" for result in outcome.results.values())
+    work = (f"{ran} of {len(outcome.results)}", f"{outcome.seconds:.1f}")
+    robot, report = markdown_text(outcome.loaded.recipe.robot), outcome.report
+    if report is None:
+        return (robot, "not built", "", len(outcome.errors), "", *work)
+    states = Counter(check.status for check in report.checks.values())
+    counts = Counter(finding.severity for finding in report.findings)
+    checks = f"{states['pass']} of {states['pass'] + states['fail']}"
+    ready = "yes" if report.verdict.ready else "**no**"
+    return (robot, ready, checks, counts["error"], counts["warning"], *work)
 
 
 def markdown(outcome: Outcome) -> str:

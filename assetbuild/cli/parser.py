@@ -7,10 +7,13 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from assetbuild.errors import UsageError, nearest
+
+N = TypeVar("N", int, float)
 
 
 class Parser(argparse.ArgumentParser):
@@ -108,31 +111,18 @@ def file_or_robot(text: str) -> Path:
         raise argparse.ArgumentTypeError(message) from None
 
 
-def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
-    """The type of an argument that is a whole number from `least` to `most`."""
+def number(least: N, most: N | None = None, what: str = "a whole number") -> Callable[[str], N]:
+    """The type of an argument that is a number from `least` to `most`, of the type of `least`."""
     bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
 
-    def read(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            value = least - 1
-        if value < least or (most is not None and value > most):
-            raise argparse.ArgumentTypeError(f"must be a whole number {bounds}, not `{text}`")
-        return value
+    def read(text: str) -> N:
+        with suppress(ValueError):
+            value = type(least)(text)
+            if least <= value and (most is None or value <= most):
+                return value
+        raise argparse.ArgumentTypeError(f"must be {what} {bounds}, not `{text}`")
 
     return read
-
-
-def seconds(text: str) -> float:
-    """The type of an argument that is a time between a tenth of a second and an hour."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.1 <= value <= 3600.0:
-        raise argparse.ArgumentTypeError(f"must be seconds from 0.1 to 3600, not `{text}`")
-    return value
 
 
 def size_of_text(text: str) -> int:
@@ -146,9 +136,7 @@ def size_of_text(text: str) -> int:
 
 def named_path(text: str) -> tuple[str, Path]:
     """`NAME=PATH`."""
-    name, _, folder = text.partition("=")
-    if not name or not folder:
-        raise argparse.ArgumentTypeError("must be NAME=PATH")
+    name, folder = named_value(text)
     return name, Path(folder)
 
 

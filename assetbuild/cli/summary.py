@@ -13,7 +13,7 @@ from assetbuild.cli.parser import given_as
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline.building import Outcome
 from assetbuild.report.document import Report
-from assetbuild.report.summary import WITHHELD, public_message, published
+from assetbuild.report.summary import WITHHELD, checks_text, public_message, published
 from assetbuild.report.verdict import BESIDE, Verdict, verdict_rows
 
 
@@ -102,7 +102,7 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     rows = shown_rows(report.verdict, outcome.loaded.path)
     head += [f"  {part}: {sentence}" for part, sentence in rows]
     head.append(f"  steps: {_steps(outcome)}")
-    head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
+    head += [f"  checks: {checks_text(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
     tail.append(f"  bundle: {outcome.out}")
     return [*head, *finding_lines(report.findings), *tail]
@@ -130,12 +130,6 @@ def _steps(outcome: Outcome) -> str:
         longest = (f"{r.label} {shown_seconds(r.label, r.seconds)}".rstrip() for r in slow)
         text += f" (longest: {', '.join(longest)})"
     return text
-
-
-def _checks(report: Report) -> str:
-    states = [check.status for check in report.checks.values()]
-    text = f"{states.count('pass')} passed, {states.count('fail')} failed"
-    return f"{text}, {states.count('skip')} not run" if "skip" in states else text
 
 
 def _counts(findings: tuple[Finding, ...]) -> str:

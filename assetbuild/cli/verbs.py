@@ -16,9 +16,8 @@ from assetbuild.cli.parser import (
     file_or_robot,
     named_path,
     named_value,
-    seconds,
+    number,
     size_of_text,
-    whole_number,
 )
 
 WHICH_CHECK = (
@@ -89,7 +88,7 @@ BUNDLE = Option("bundle", type=Path, help="a folder that `assetbuild build` wrot
 POLICY = Option("policy", type=Path, help="a folder with policy.onnx and its "
                 "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
 VARIANT = Option("--variant", metavar="NAME", help="a variant of the recipe")
-JOBS = Option("-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores")
+JOBS = Option("-j", "--jobs", type=number(1), metavar="N", help="default: all cores")
 PACKAGE = Option(
     "--package", action="append", default=[], type=named_path, metavar="NAME=PATH",
     help="the folder that package://NAME stands for; others are looked for above the URDF",
@@ -190,7 +189,7 @@ VERBS: Mapping[str, Verb] = {
         switch("--write", help="write the identified values into the recipe"),
         switch("--ranges", help="print the intervals as `randomize.joints`"),
         switch("--excite", help="fit nothing: write commands to record on the robot"),
-        Option("--seconds", type=whole_number(10, 600), default=60, metavar="S",
+        Option("--seconds", type=number(10, 600), default=60, metavar="S",
                help="for --excite; default: 60"),
         out("for --excite; default: build/excite"),
         switch("--json", help="print all of it as JSON"),
@@ -234,7 +233,8 @@ VERBS: Mapping[str, Verb] = {
                 Option("--command", type=float, nargs=3, default=(0.5, 0.0, 0.0),
                        metavar=("X", "Y", "TURN"),
                        help="m/s forward, m/s to the left, rad/s; default: 0.5 0 0"),
-                Option("--seconds", type=seconds, default=10.0, metavar="S", help="default: 10"),
+                Option("--seconds", type=number(0.1, 3600.0, "seconds"), default=10.0,
+                       metavar="S", help="default: 10"),
                 Option("--scene", default="scene.xml", metavar="FILE",
                        help="of the bundle's mjcf/; default: scene.xml"),
                 Option("--picture", type=Path, metavar="FILE",
@@ -254,11 +254,11 @@ VERBS: Mapping[str, Verb] = {
     "sample": Verb(
         "draw robots from the recipe's `randomize` ranges and write them as MJCF",
         RECIPE,
-        Option("-n", "--count", type=whole_number(1, 1000), default=16, metavar="N",
+        Option("-n", "--count", type=number(1, 1000), default=16, metavar="N",
                help="default: 16"),
-        Option("--judge", type=whole_number(1, 1_000_000), default=10_000, metavar="N",
+        Option("--judge", type=number(1, 1_000_000), default=10_000, metavar="N",
                help="draws judged; default: 10000"),
-        Option("--seed", type=whole_number(0), metavar="N", help="default: the recipe's"),
+        Option("--seed", type=number(0), metavar="N", help="default: the recipe's"),
         out("default: build/<robot>-samples"),
         *STEPS,
     ),

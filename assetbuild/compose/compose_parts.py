@@ -30,7 +30,7 @@ LEFT_OUT = Rule(
     "info",
     "a part states something about a whole model (`visual`, `usd`, `simulation`, the `<option>` "
     "of its MJCF, keyframes that the base lacks), and the base's recipe overrides it",
-    "state it in the base's recipe",
+    "state in the base's recipe what the whole robot needs",
 )
 PART = Rule(
     "compose.part",
@@ -44,7 +44,7 @@ SCENERY = Rule(
     "info",
     "cameras and lights in the world of a part's MJCF are attached to its root now, as MuJoCo "
     "attaches them",
-    "remove them from the part's MJCF",
+    "take them out of the part's MJCF if they belong to a scene",
 )
 
 
@@ -190,7 +190,6 @@ def _told(
             "recipe compose",
             f"cameras and lights in the world of the part `{part.prefix}` stand on its "
             f"root now, and move with it: {listed}",
-            hint="take them out of the part's MJCF if they belong to a scene",
             data={"count": len(scenery)},
         )
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
@@ -214,7 +213,6 @@ def _told(
         yield LEFT_OUT(
             "recipe compose",
             f"{listed} of the part `{part.prefix}` are ignored: the base's apply",
-            hint="state in the base's recipe what the whole robot needs",
             data={"keys": left_out},
         )
 

@@ -81,7 +81,6 @@ def _not_run(recipe: Recipe, checks: Mapping[str, CheckResult]) -> Iterator[Find
             yield NOT_RUN(
                 f"recipe {request.key}",
                 f"`{request.key}` asks for a check that did not run: {why}",
-                hint="provide that, or remove the request from the recipe",
                 data={"checks": request.checks},
             )
 
@@ -232,64 +231,48 @@ def _located(error: AssetBuildError, subject: str, where: Where | None) -> Asset
 UNSTATED = Rule(
     "license.unstated",
     "warning",
-    "the recipe does not state the source's licence",
-    "add `source.license`",
+    "the recipe does not say under which licence the robot comes",
+    "add `license:` with an SPDX identifier below `source`",
 )
 NO_DERIVATIVES = Rule(
     "license.no_derivatives",
     "warning",
-    "the licence (CC ...-ND) does not allow you to pass on what was made from the work",
-    "keep the bundle to yourself, or ask",
+    "the licence (CC ...-ND) forbids to pass on what was made from the work: converted meshes, an "
+    "edited URDF",
+    "keep the bundle to yourself, or ask the rights holder",
 )
 NON_COMMERCIAL = Rule(
     "license.non_commercial",
     "info",
-    "the licence (CC ...-NC) does not allow commercial use",
-    "ask before you sell",
+    "the licence (CC ...-NC) allows no commercial use",
+    "ask the rights holder before you sell what was made with it",
 )
 SHARE_ALIKE = Rule(
     "license.share_alike",
     "info",
-    "the licence (CC ...-SA) also applies to what is made from the work",
-    "pass the bundle on under the same licence",
+    "the licence (CC ...-SA) asks that what was made from the work is passed on under the same "
+    "licence",
+    "pass the bundle on under that licence",
 )
 NO_TEXT = Rule(
-    "license.no_text", "info", "the source comes without a licence text", "add it to the source"
+    "license.no_text",
+    "info",
+    "the source brings no licence text, so the bundle has none",
+    "add the text to the source: most licences require that it is passed on",
 )
-
-_TERMS = {
-    "ND": (
-        NO_DERIVATIVES,
-        "forbids to pass on what was made from the work: converted meshes, an edited URDF",
-        "keep the bundle to yourself, or ask the rights holder",
-    ),
-    "NC": (
-        NON_COMMERCIAL,
-        "allows no commercial use",
-        "ask the rights holder before you sell what was made with it",
-    ),
-    "SA": (
-        SHARE_ALIKE,
-        "asks that what was made from the work is passed on under the same licence",
-        "pass the bundle on under that licence",
-    ),
-}
+_TERMS = {"ND": NO_DERIVATIVES, "NC": NON_COMMERCIAL, "SA": SHARE_ALIKE}
 """Terms of Creative Commons in an SPDX identifier, `CC-BY-NC-ND-4.0`."""
 
 
 def licence_findings(license_id: str | None, texts: int) -> Iterator[Finding]:
     """license_id: SPDX expression of the recipe; texts: licence files that the source brings."""
     if license_id is None:
-        message = "the recipe does not say under which licence the robot comes"
-        hint = "add `license:` with an SPDX identifier below `source`"
-        yield UNSTATED("recipe source", message, hint)
+        yield UNSTATED("recipe source", UNSTATED.meaning)
     for word in re.findall(r"[A-Za-z0-9.+-]+", license_id or ""):
         first, *terms = word.upper().split("-")
-        for term, (rule, message, hint) in _TERMS.items():
+        for term, rule in _TERMS.items():
             if first == "CC" and term in terms:
-                data = {"license": word}
-                yield rule("recipe source.license", f"{word} {message}", hint, data=data)
+                message = rule.meaning.replace(f"the licence (CC ...-{term})", word)
+                yield rule("recipe source.license", message, data={"license": word})
     if not texts:
-        message = "the source brings no licence text, so the bundle has none"
-        hint = "add the text to the source: most licences require that it is passed on"
-        yield NO_TEXT("recipe source", message, hint)
+        yield NO_TEXT("recipe source", NO_TEXT.meaning)

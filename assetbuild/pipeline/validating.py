@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from assetbuild.body.inertia_rules import MASS, mass_findings
+from assetbuild.body.lint import LintBodies, LintLinks, crossed_limits
 from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.execute import Listener
@@ -15,6 +19,7 @@ from assetbuild.engine.scratch import scratch
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, StepError, UsageError
 from assetbuild.facts.reference import Reference, robot_named
+from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.grouping import grouped
 from assetbuild.pipeline.again import ROBOT, prove_again
@@ -28,8 +33,9 @@ from assetbuild.report.bundle import manifest_of
 from assetbuild.report.document import Report
 from assetbuild.report.sides import bundle_readers
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mirror import Tolerances, mirror_findings
-from assetbuild.robot.model import Control
+from assetbuild.robot.model import Control, Inertial, Joint, JointKind, Limits
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.twins import twins
 from assetbuild.simulators import physx
@@ -198,7 +204,6 @@ def _usd(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.usd_valid import lint_file
     from assetbuild.facts.reader import BROKEN
     from assetbuild.facts.readers._usd import UsdReader, ignored_words
-    from assetbuild.pipeline.usd_numbers import lint_numbers
 
     yield from lint_file(file)
     try:
@@ -206,12 +211,33 @@ def _usd(file: Path) -> Iterator[Finding]:
     except (UsageError, *BROKEN):
         return  # OpenUSD's own validators speak of such a file
     yield from ignored_words(table)
-    yield from lint_numbers(table)
+    yield from _lint_numbers(table)
+
+
+def _lint_numbers(table: Table) -> Iterator[Finding]:
+    """Numbers that OpenUSD's validators take and engines repair in silence or refuse.
+
+    Tensors that no matter has, and limits the wrong way round, by the rules of a URDF's links.
+    A mass or tensor of 0 is not stated: engines compute it from the shapes.
+    """
+    for name in table.names("body"):
+        facts: Any = table.of("body", name)  # Any: a number and a tensor, as the reader has them
+        mass, tensor = facts["mass"], facts.get("inertia", (0.0,) * 6)
+        if not all(map(math.isfinite, (mass, *tensor))):
+            yield MASS(f"link {name}", "its mass or its inertia is not a finite number")
+        elif mass and any(tensor):
+            inertial = Inertial(mass, (0.0, 0.0, 0.0), tensor)
+            judged = mass_findings(f"link {name}", inertial, InertiaBounds(), "error")
+            yield from (finding for finding in judged if finding.severity == "error")
+    for name in table.names("joint"):
+        facts = table.of("joint", name)
+        limits = Limits(facts.get("lower"), facts.get("upper"))
+        kind: JointKind = "prismatic" if facts.get("type") == "linear" else "revolute"
+        yield from crossed_limits(Joint(name, kind, "", "", limits=limits), "error")
 
 
 def _urdf(file: Path) -> Iterator[Finding]:
     """The reader and both lints; packages are not looked for, meshes are not opened."""
-    from assetbuild.body.lint import LintBodies, LintLinks
     from assetbuild.body.merge_fixed_joints import MergeFixedJoints
     from assetbuild.source.urdf.read_urdf import without_meshes
 

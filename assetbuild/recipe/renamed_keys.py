@@ -52,7 +52,7 @@ def _with_new_keys(node: Node, path: tuple[str, ...], findings: list[Finding]) -
         if name != key:
             subject = f"recipe {'.'.join((*path, key))}"
             message = f"the key `{key}` is called `{name}` now"
-            findings.append(OLD_KEY(subject, message, "write the new name").at(str(entry.where)))
+            findings.append(OLD_KEY(subject, message, where=str(entry.where)))
         entries[name] = Entry(entry.where, _with_new_keys(entry.node, (*path, key), findings))
     return replace(node, value=entries)
 

@@ -48,7 +48,7 @@ DECIMALS = 5
 NO_VIEWER = Rule(
     "viewer.none",
     "info",
-    "the report has no 3D view: the installed trimesh does not ship three.js",
+    "the report has no 3D view: the installed trimesh brings no three.js",
     "install another version of trimesh",
 )
 
@@ -77,11 +77,7 @@ class Viewer(Step):
         meshes = shown_meshes(robot)
         library = three_js()
         if library is None:
-            yield NO_VIEWER(
-                "robot",
-                "the report has no 3D view: the installed trimesh brings no three.js",
-                hint="install another version of trimesh",
-            )
+            yield NO_VIEWER("robot", NO_VIEWER.meaning)
         content = {
             "span_m": SPAN_M,
             "meshes": {name: packed_mesh(mesh) for name, mesh in sorted(meshes.items())},

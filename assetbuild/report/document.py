@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from assetbuild._version import __version__
 from assetbuild.findings import (
@@ -15,6 +15,7 @@ from assetbuild.findings import (
     WAIVED,
     Finding,
     Rule,
+    finding_from_json,
     is_now,
     worst_first,
 )
@@ -29,7 +30,12 @@ OLD_NAME = Rule(
     "the recipe changes a rule by a name that it had before",
     "write the new name; the old one works for one minor version",
 )
-UNUSED = Rule("rules.unused", "info", "the recipe changes a rule that found nothing", "remove it")
+UNUSED = Rule(
+    "rules.unused",
+    "info",
+    "the recipe changes a rule that found nothing",
+    "remove it, or check its spelling",
+)
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,19 @@ class Report:
                 for name, check in sorted(self.checks.items())
             },
         }
+
+
+def report_of(content: Mapping[str, Any]) -> Report:  # Any: JSON
+    """What a `report.json` says. ValueError, KeyError or TypeError for foreign data."""
+    from pydantic import TypeAdapter  # for verbs that read a report
+
+    checks = {name: {"note": "", **check} for name, check in content["checks"].items()}
+    return Report(
+        str(content["robot"]),
+        TypeAdapter(Verdict).validate_python(content["verdict"]),
+        tuple(map(finding_from_json, content["findings"])),
+        TypeAdapter(dict[str, CheckResult]).validate_python(checks),
+    )
 
 
 def make_report(
@@ -128,7 +147,7 @@ def _remarks(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> Iter
         if rule in RENAMED:
             new = dict.fromkeys(f"`{pattern.partition(' ')[0]}`" for pattern in RENAMED[rule])
             message = f"rule `{rule}` is called {', '.join(new)} now"
-            yield OLD_NAME(subject, message, "write the new name")
+            yield OLD_NAME(subject, message)
         elif rule not in rules:
             message = f"the recipe changes rule `{rule}`, which found nothing"
-            yield UNUSED(subject, message, "remove it, or check its spelling")
+            yield UNUSED(subject, message)

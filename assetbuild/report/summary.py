@@ -7,6 +7,7 @@ from html import escape
 
 from assetbuild.findings import Finding, worst_first
 from assetbuild.report.document import Report
+from assetbuild.report.tables import markdown_table, table
 from assetbuild.report.verdict import verdict_rows
 
 SHOWN_FINDINGS = 50
@@ -22,20 +23,20 @@ def summary(report: Report, *lines: str) -> str:
     report = published(report)
     ready = "ready for training" if report.verdict.ready else "not ready for training"
     parts = [f"### {report.robot}: {ready}", "", *lines]
-    parts += ["", *(f"- {part}: {markdown_cell(v)}" for part, v in verdict_rows(report.verdict))]
-    parts += [f"- checks: {', '.join(_checks(report))}"]
+    parts += ["", *(f"- {part}: {markdown_text(v)}" for part, v in verdict_rows(report.verdict))]
+    parts += [f"- checks: {checks_text(report)}"]
     findings = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
-    if findings:
-        parts += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
-    for finding in findings[:SHOWN_FINDINGS]:
-        cells = (finding.severity, finding.rule, finding.subject, finding.message)
-        parts.append(f"| {' | '.join(markdown_cell(cell) for cell in cells)} |")
+    cells = [(f.severity, f.rule, f.subject, f.message) for f in findings[:SHOWN_FINDINGS]]
+    if cells:
+        rows = [map(markdown_text, row) for row in cells]
+        listed = table("", ("", "rule", "subject", "finding"), map(tuple, rows))
+        parts += ["", markdown_table(listed)]
     if len(findings) > SHOWN_FINDINGS:
         parts += ["", f"and {len(findings) - SHOWN_FINDINGS} more in the report"]
     return "\n".join(parts) + "\n"
 
 
-def _checks(report: Report) -> list[str]:
+def checks_text(report: Report) -> str:
     """`13 passed`, and the names of those that failed or were not run."""
     by_status = {
         status: [name for name, check in sorted(report.checks.items()) if check.status == status]
@@ -46,7 +47,7 @@ def _checks(report: Report) -> list[str]:
         names = by_status[status]
         if names:
             parts.append(f"{len(names)} {words} ({', '.join(f'`{name}`' for name in names)})")
-    return parts
+    return ", ".join(parts)
 
 
 def published(report: Report) -> Report:
@@ -73,12 +74,12 @@ def public_message(finding: Finding) -> str:
     return WITHHELD if "physx" in origin else finding.message
 
 
-def markdown_cell(text: str) -> str:
-    """Text in a table: no markup of its own but code, no new row, no new column."""
+def markdown_text(text: str) -> str:
+    """Text on one line, with no markup of its own but code."""
     plain = " ".join(text.split())
     parts = plain.split("`") if plain.count("`") % 2 == 0 else [plain]
     escaped = [part if i % 2 else _literal(part) for i, part in enumerate(parts)]
-    return "`".join(escaped).replace("|", "\\|")
+    return "`".join(escaped)
 
 
 def _literal(text: str) -> str:

@@ -39,13 +39,13 @@ IDLE = Rule(
     ("info", "warning"),
     "a range of `kp`, `kd` or `effort` names joints without such a number in the actuator table, "
     "so nothing is drawn (a warning where only MJCF holds their drives)",
-    "add a row to `actuators`, or use another pattern",
+    "give these joints a row in `actuators`, or take them out of the pattern",
 )
 UNSOURCED = Rule(
     "randomize.source",
     "info",
     "ranges of `randomize` do not say where they come from",
-    "add `source`",
+    'add `source: "CAD tolerance"`, a datasheet or a measurement',
 )
 
 
@@ -119,7 +119,6 @@ class StateRanges(Target):
                 "recipe randomize",
                 f"nothing is drawn for {shown}: the actuator table has none{why}",
                 severity="warning" if kept else "info",
-                hint="give these joints a row in `actuators`, or take them out of the pattern",
                 data={key: tuple(joints) for key, joints in idle.items()},
             )
 
@@ -177,7 +176,6 @@ class StateRanges(Target):
                 "recipe randomize",
                 f"{len(without)} of {len(rows)} ranges do not say where they come from: "
                 f"{', '.join(without[:4])}",
-                hint='add `source: "CAD tolerance"`, a datasheet or a measurement',
                 data={"without": without},
             )
 

@@ -13,7 +13,7 @@ from assetbuild.engine.make import NodeResult
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.report.document import make_report
-from assetbuild.report.summary import markdown_cell, public_message
+from assetbuild.report.summary import markdown_text, public_message
 from assetbuild.report.verdict import CheckResult
 
 from .conftest import Legs, Workplace
@@ -50,9 +50,9 @@ def test_the_summary_is_one_table_row_per_finding_without_markup_of_its_own():
 
 
 def test_code_stays_code_and_hostile_names_stay_text():
-    cell = markdown_cell("joint `a_b|c` is <i>off</i> [x](y) `")
-    assert cell == "joint \\`a\\_b\\|c\\` is &lt;i&gt;off&lt;/i&gt; \\[x\\](y) \\`"
-    assert markdown_cell("`a_b|c` is <i>") == "`a_b\\|c` is &lt;i&gt;"
+    text = markdown_text("joint `a_b` is <i>off</i> [x](y) `")
+    assert text == "joint \\`a\\_b\\` is &lt;i&gt;off&lt;/i&gt; \\[x\\](y) \\`"
+    assert markdown_text("`a_b` is <i>") == "`a_b` is &lt;i&gt;"
 
 
 def test_a_row_for_each_robot_stands_first():
@@ -60,7 +60,7 @@ def test_a_row_for_each_robot_stands_first():
     rows = [line for line in text.splitlines() if line.startswith("| tiny")]
     assert rows == [
         "| tiny | **no** | 1 of 2 | 1 | 1 | 0 of 0 | 1.5 |",
-        "| tiny | not built |  | 0 |  | 0 of 0 | 1.5 |",
+        "| tiny | not built | - | 0 | - | 0 of 0 | 1.5 |",
     ]
 
 
