@@ -7,7 +7,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, NamedTuple
 from xml.etree import ElementTree
@@ -23,10 +23,7 @@ from assetbuild.report.tables import markdown_table, table
 @contextmanager
 def event_log(path: Path | None) -> Iterator[EventLog]:
     """The log at `path`, replaced; one that is thrown away without a path. MachineError."""
-    if path is None:
-        yield EventLog(None)
-        return
-    with _writable(path, "w") as file:
+    with _writable(path, "w") if path else nullcontext() as file:
         yield EventLog(file)
 
 

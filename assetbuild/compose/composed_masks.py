@@ -70,14 +70,10 @@ def meeting_masks(
 
 def _told(prefix: str, moved: int, joined: int) -> Finding:
     """moved: how many bits became others; joined: how many were added."""
-    what = []
-    if moved:
-        what.append(f"{moved} bits mean something else in another part: they became others")
-    if joined:
-        what.append("a bit was added, so that it touches the parts before it")
     return MASKS(
         "recipe compose",
-        f"contact masks of the part `{prefix}`: " + "; ".join(what),
+        f"contact masks of the part `{prefix}`: {moved} bits that mean something else in another "
+        f"part became others; {joined} were added, so that it touches the parts before it",
         "which of its own shapes touch, and which touch the floor, is as before",
         data={"moved": moved, "added": joined},
     )

@@ -1,14 +1,13 @@
 """YAML text to a tree in which every value knows its place; hostile text is refused early.
 
 Values mean what they look like (YAML 1.2): only `true` and `false` are booleans, only decimal
-numbers are numbers, so `no`, `0x10`, `007`, `1_000` and `12:30:45` are text. PyYAML's composer
-recurses without a bound, so its events are counted before.
+numbers are numbers, so `no`, `0x10`, `007`, `1_000` and `12:30:45` are text.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,8 +22,8 @@ MAX_COST = 50_000
 
 Scalar = str | int | float | bool | None
 
-_TAG, _PLAIN = "tag:yaml.org,2002:", "plain"
-"""Before the tags of YAML; and in place of one where plain text states none."""
+_TAG = "tag:yaml.org,2002:"
+"""Before the tags of YAML."""
 _TOO_DEEP = f"nested deeper than {MAX_DEPTH} levels"
 _TOO_MANY = f"more than {MAX_COST} values once all aliases are expanded"
 _INT = re.compile(r"[-+]?(0|[1-9][0-9]*)")
@@ -52,7 +51,6 @@ _REMEDIES: Mapping[str, str] = {
     "did not find expected key": "indent the keys of a map alike",
     "expected ':'": "write a space after each colon, `key: value`, and quote other text",
     "escape character": "`\\` begins an escape in double quotes: put the pattern in single quotes",
-    "undefined alias": "quote text that begins with `*`",
 }
 """What PyYAML says -> what to do about it."""
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # Any: the C one may be missing
@@ -89,7 +87,7 @@ def parse(data: bytes, file: str, error: type[AssetBuildError]) -> Node:
     """
     if len(data) > MAX_BYTES:
         raise error(f"the file is longer than {MAX_BYTES >> 20} MB", where=Where(file))
-    return _Builder(file, error).build(_decoded(data, file, error))
+    return _Builder(_decoded(data, file, error), file, error).document()
 
 
 def plain(node: Node) -> object:
@@ -129,34 +127,31 @@ def _decoded(data: bytes, file: str, error: type[AssetBuildError]) -> str:
         raise error("the file is not UTF-8", where=where, hint="save it as UTF-8") from None
 
 
-class _Loader(_Safe):  # type: ignore[misc]  # Any, as above
-    """PyYAML's composer without its own ideas of what plain text means."""
-
-    def resolve(self, kind: type, value: object, implicit: tuple[bool, bool]) -> str:
-        """The tag of a node that states none."""
-        if kind is yaml.ScalarNode:
-            return _PLAIN if implicit[0] else f"{_TAG}str"
-        return f"{_TAG}map" if kind is yaml.MappingNode else f"{_TAG}seq"
-
-
 class _Builder:
-    """PyYAML's nodes to ours; the text is bounded before, what aliases make of it on the way."""
+    """PyYAML's events to nodes, which are counted on the way: its own composer has no bounds."""
 
-    def __init__(self, file: str, error: type[AssetBuildError]) -> None:
-        self._file, self._error = file, error
-        self._nodes: dict[yaml.Node, Node | None] = {}
+    def __init__(self, text: str, file: str, error: type[AssetBuildError]) -> None:
+        self._text, self._file, self._error = text, file, error
+        self._events = yaml.parse(text, Loader=_Safe)
+        self._anchors: dict[str, Node | None] = {}
+        """None while the node is made that an anchor names."""
 
-    def build(self, text: str) -> Node:
+    def document(self) -> Node:
         try:
-            self._check_bounds(text)
-            root = yaml.compose(text, Loader=_Loader)
+            next(self._events)  # the stream begins
+            is_empty = isinstance(next(self._events), yaml.StreamEndEvent)
+            root = None if is_empty else self._node(next(self._events), 1)
+            if root is None or (root.value is None and not root.text):
+                raise self._error("the file is empty", where=Where(self._file, 1, 1))
+            next(self._events)  # the document ends
+            after = next(self._events)
         except yaml.YAMLError as problem:
-            raise self._refused(problem, text) from None
-        if root is None or (root.tag == _PLAIN and not root.value):
-            raise self._error("the file is empty", where=Where(self._file, 1, 1))
-        return self._node(root, 1)
+            raise self._refused(problem) from None
+        if isinstance(after, yaml.DocumentStartEvent):
+            raise self._fail("a second document begins here", after, "keep one per file")
+        return root
 
-    def _refused(self, problem: Any, text: str) -> AssetBuildError:  # Any: most have marks
+    def _refused(self, problem: Any) -> AssetBuildError:  # Any: most have marks
         """What PyYAML says, where what it could not read begins, and what is wrong most often."""
         start = getattr(problem, "context_mark", None)
         mark = getattr(problem, "problem_mark", None) or start
@@ -165,95 +160,94 @@ class _Builder:
         if start and mark and start.line < mark.line:
             what += f" {problem.context} that begins on line {start.line + 1}"
         hint = next((hint for words, hint in _REMEDIES.items() if words in what), "")
-        if mark and text[mark.index : mark.index + 1] == "\t":
+        if mark and self._text[mark.index : mark.index + 1] == "\t":
             hint = "indent with spaces: YAML takes no tabs"
         return self._error(f"not YAML: {what}", where=Where(self._file, *place), hint=hint)
 
-    def _check_bounds(self, text: str) -> None:
-        """PyYAML composes without a bound: so few nodes cost little, and its stack is ours."""
-        documents = nodes = depth = 0
-        for event in yaml.parse(text, Loader=_Loader):
-            documents += isinstance(event, yaml.DocumentStartEvent)
-            nodes += isinstance(event, yaml.NodeEvent)
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if documents > 1:
-                raise self._fail("a second document begins here", event, "keep one per file")
-            if depth > MAX_DEPTH:
-                raise self._fail(_TOO_DEEP, event)
-            if nodes > 2 * MAX_COST:  # keys are nodes, too
-                raise self._fail(_TOO_MANY, event)
-
-    def _node(self, node: yaml.Node, depth: int) -> Node:
+    def _node(self, event: Any, depth: int) -> Node:  # Any: PyYAML's events have no stubs
         """depth: of the node, with all aliases above it expanded."""
-        if node in self._nodes:
-            made = self._nodes[node]
-            if made is None:
-                raise self._fail("an alias stands inside what it names", node)
-            if depth - 1 + made.height > MAX_DEPTH:
-                raise self._fail(_TOO_DEEP, node)
-            return made
-        self._nodes[node] = None
-        made = self._nodes[node] = self._made(node, depth)
+        if isinstance(event, yaml.AliasEvent):
+            return self._aliased(event, depth)
+        if isinstance(event, yaml.ScalarEvent):
+            cost = 1 + len(event.value) // 100
+            made = Node(self._where(event), self._scalar(event), event.value, cost=cost)
+        else:
+            self._anchors[event.anchor] = None
+            made = self._collection(event, depth)
+        self._anchors[event.anchor] = made
         return made
 
-    def _made(self, node: yaml.Node, depth: int) -> Node:
-        where = self._where(node)
-        if isinstance(node, yaml.ScalarNode):
-            self._check_tag(node, (_PLAIN, "str", "int", "float", "bool", "null"))
-            return Node(where, self._scalar(node), node.value, cost=1 + len(node.value) // 100)
+    def _aliased(self, event: Any, depth: int) -> Node:  # Any: as above
+        if event.anchor not in self._anchors:
+            hint = "quote text that begins with `*`"
+            raise self._fail(f"not YAML: undefined alias `{event.anchor}`", event, hint)
+        made = self._anchors[event.anchor]
+        if made is None:
+            raise self._fail("an alias stands inside what it names", event)
+        if depth - 1 + made.height > MAX_DEPTH:
+            raise self._fail(_TOO_DEEP, event)
+        return made
+
+    def _collection(self, event: Any, depth: int) -> Node:  # Any: as above
+        if depth > MAX_DEPTH:
+            raise self._fail(_TOO_DEEP, event)
+        is_map = isinstance(event, yaml.MappingStartEvent)
+        self._check_tag(event, ("map",) if is_map else ("seq",))
         entries: dict[str, Entry] = {}
         items: list[Node] = []
         cost = height = 1
-        is_map = isinstance(node, yaml.MappingNode)
-        self._check_tag(node, ("map",) if is_map else ("seq",))
-        for key, item in node.value if is_map else ((None, item) for item in node.value):
-            name = self._key(key, entries) if key else ""
+        while not isinstance(first := next(self._events), yaml.CollectionEndEvent):
+            name = self._key(first, depth, entries) if is_map else ""
+            item = next(self._events) if is_map else first
             made = self._node(item, depth + 1)
-            if key:
-                entries[name] = Entry(self._where(key), made)
-            items.append(made)
+            if is_map:
+                entries[name] = Entry(self._where(first), made)
+            else:
+                items.append(made)
             cost, height = cost + made.cost, max(height, made.height + 1)
             if cost > MAX_COST:
                 raise self._fail(_TOO_MANY, item, "remove aliases (`*name`)")
         value = entries if is_map else tuple(items)
-        return Node(where, value, cost=cost, height=height)
+        return Node(self._where(event), value, cost=cost, height=height)
 
-    def _key(self, node: yaml.Node, entries: Mapping[str, Entry]) -> str:
-        if not isinstance(node, yaml.ScalarNode):
-            raise self._fail("a key must be plain text", node)
-        key = str(node.value)
+    def _key(self, event: Any, depth: int, entries: Mapping[str, Entry]) -> str:  # Any: as above
+        node = self._node(event, depth)
+        if isinstance(node.value, dict | tuple):
+            raise self._fail("a key must be plain text", event)
+        key = node.text
         if not key:
-            raise self._fail("a key is missing before `:`", node)
+            raise self._fail("a key is missing before `:`", event)
         if len(key) > 1000:
-            raise self._fail("a key is longer than 1000 characters", node)
-        if key == "<<" and node.tag == _PLAIN:
-            raise self._fail("merge keys (`<<`) are not read", node, "write the keys out")
+            raise self._fail("a key is longer than 1000 characters", event)
+        if key == "<<" and isinstance(event, yaml.ScalarEvent) and event.implicit[0]:
+            raise self._fail("merge keys (`<<`) are not read", event, "write the keys out")
         if key in entries:
             hint = f"`{key}` stands first on line {entries[key].where.line}; keep one"
-            raise self._fail(f"duplicate key `{key}`", node, hint)
+            raise self._fail(f"duplicate key `{key}`", event, hint)
         return key
 
-    def _scalar(self, node: yaml.ScalarNode) -> Scalar:
-        text: str = node.value
-        if node.tag == f"{_TAG}str":
+    def _scalar(self, event: Any) -> Scalar:  # Any: as above
+        self._check_tag(event, ("str", *_TAGGED))
+        text: str = event.value
+        tag = str(event.tag or "").removeprefix(_TAG)
+        if tag == "str" or (not tag and not event.implicit[0]):
             return text
         value = _looks_like(text)
-        if node.tag != _PLAIN and type(value) not in _TAGGED[node.tag.removeprefix(_TAG)]:
-            raise self._fail(f"`{text[:60]}` is not what its tag says", node)
+        if tag and type(value) not in _TAGGED[tag]:
+            raise self._fail(f"`{text[:60]}` is not what its tag says", event)
         return value
 
-    def _check_tag(self, node: yaml.Node, known: tuple[str, ...]) -> None:
-        if node.tag.removeprefix(_TAG) not in known:
-            message = f"tag `{node.tag[:60]}` is not allowed"
-            raise self._fail(message, node, "a recipe is plain data")
+    def _check_tag(self, event: Any, known: Collection[str]) -> None:  # Any: as above
+        if event.tag and event.tag.removeprefix(_TAG) not in known:
+            message = f"tag `{event.tag[:60]}` is not allowed"
+            raise self._fail(message, event, "a recipe is plain data")
 
-    def _where(self, node: Any) -> Where:  # Any: nodes and events of a stream have marks
-        mark = node.start_mark
+    def _where(self, event: Any) -> Where:  # Any: as above
+        mark = event.start_mark
         return Where(self._file, mark.line + 1, mark.column + 1)
 
-    def _fail(self, message: str, node: Any, hint: str = "") -> AssetBuildError:  # Any: as above
-        return self._error(message, where=self._where(node), hint=hint)
+    def _fail(self, message: str, event: Any, hint: str = "") -> AssetBuildError:  # Any: as above
+        return self._error(message, where=self._where(event), hint=hint)
 
 
 def _looks_like(text: str) -> Scalar:

@@ -89,7 +89,8 @@ def templates() -> Environment:
         loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, auto_reload=False,
     )  # fmt: skip
-    made.filters |= {"text": text_of, "prose": prose, "one_line": _one_line, "count_all": _count}
+    made.filters |= {"text": text_of, "prose": prose, "one_line": _one_line}
+    made.filters["count_all"] = lambda boxes: sum(len(findings) for _, _, findings in boxes)
     made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
     made.tests["waived"] = is_waived
     made.globals |= {"asset": _asset, "sentence": sentence, "figures_of": figures_of}
@@ -131,10 +132,6 @@ def _by_rule(findings: Iterable[Finding]) -> list[Box]:
     """One box for each rule, in order of the worst."""
     boxes = grouped(findings, lambda finding: (finding.severity, finding.rule))
     return [(severity, rule, same) for (severity, rule), same in boxes.items()]
-
-
-def _count(boxes: Sequence[Box]) -> int:
-    return sum(len(findings) for _, _, findings in boxes)
 
 
 def _tiles(report: Report, subject: Subject) -> tuple[tuple[str, str], ...]:

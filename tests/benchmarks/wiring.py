@@ -23,7 +23,7 @@ import onnx
 import yaml
 from onnx import helper
 
-from assetbuild.pipeline.policies import Wish, check_policy, replay_policy
+from assetbuild.cli.policy import Wish, check_policy, replay_policy
 
 Said = dict[str, Any]
 Fault = Callable[[Said, random.Random], str]

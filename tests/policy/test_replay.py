@@ -21,9 +21,9 @@ from tiny import tiny_quadruped
 from assetbuild.checks._newton import NewtonOrders
 from assetbuild.checks._physx import PhysxOrders
 from assetbuild.cli import main
+from assetbuild.cli.policy import Replayed, Wish, draw_replays, replay_policy
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
-from assetbuild.pipeline.policies import Replayed, Wish, draw_replays, replay_policy
 from assetbuild.policy.counting import OrdersCheck
 from assetbuild.policy.in_stages import unavailable_reason
 from assetbuild.policy.replay import Replay
