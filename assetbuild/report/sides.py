@@ -19,7 +19,7 @@ from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.plugins import usable_plugins
+from assetbuild.plugins import load_plugin, usable_plugins
 from assetbuild.report.bundle import files_of, read_json
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.tree import merge_fixed_joints
@@ -175,16 +175,9 @@ def _model(name: str, form: str, table: Table, **how: Any) -> Side:  # Any: of F
     return Side(name, {form: Form(lambda: table, **how)})
 
 
-NOT_IN_URDF = (
-    "base", "base pose", "model", "kp", "kd", "armature", "command range", "drive name", "keyframe",
-    "simulation", "sensor", "camera", "pair", "friction", "condim", "priority", "solref", "solimp",
-    "margin", "gap", "contype", "conaffinity", "shape",
-)  # fmt: skip
-"""What a URDF does not say, and what a URDF alone does not show: its meshes as files."""
-
-
 def _in_urdf(key: Key) -> bool:
-    return key.kind not in NOT_IN_URDF and key.quantity not in NOT_IN_URDF
+    """What a URDF says and shows alone: its meshes are files of their own."""
+    return key.kind != "shape" and load_plugin(Reader, "urdf").holds(key)
 
 
 def _merged_urdf(path: Path) -> Table:
