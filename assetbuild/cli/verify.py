@@ -9,33 +9,21 @@ from pathlib import Path
 
 from assetbuild.engine.digest import digest_file
 from assetbuild.pipeline.publish import OWN_FILES
-from assetbuild.report.bundle import PREDICATE, STATEMENT, files_of, manifest_of
+from assetbuild.report.bundle import PREDICATE, STATEMENT, differing_files, manifest_of
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each difference; 0 when there is none, else 1."""
     bundle: Path = arguments.bundle
     wanted = manifest_of(bundle)
-    wrong = [*_against_manifest(bundle, wanted), *_against_provenance(bundle, wanted)]
+    differing = differing_files(bundle, wanted, bytecode=True)
+    wrong = [f"{what}: {path}" for what, path in differing if path not in OWN_FILES]
+    wrong += _against_provenance(bundle, wanted)
     for line in wrong:
         print(line)
     differences = f"{len(wrong)} difference{'s' * (len(wrong) != 1)}"
     print(f"{bundle}: {len(wanted)} files, {differences} (manifest, provenance)")
     return 1 if wrong else 0
-
-
-def _against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
-    """Each file that is missing, added or changed."""
-    paths = {name for name, _ in files_of(bundle, bytecode=True)}
-    for path in sorted(wanted.keys() - paths):
-        yield f"missing: {path}"
-    for path in sorted(paths - wanted.keys() - set(OWN_FILES)):
-        yield f"not in the manifest: {path}"
-    for path in sorted(wanted.keys() & paths):
-        if not (bundle / path).is_file() or (bundle / path).is_symlink():
-            yield f"not a regular file: {path}"
-        elif digest_file(bundle / path) != wanted[path]:
-            yield f"changed: {path}"
 
 
 def _against_provenance(bundle: Path, manifest: Mapping[str, str]) -> Iterator[str]:

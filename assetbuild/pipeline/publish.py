@@ -27,7 +27,7 @@ from assetbuild.engine.claims import (
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import MachineError, UsageError
-from assetbuild.report.bundle import files_of
+from assetbuild.report.bundle import differing_files
 
 MARK = "manifest.json"
 """A folder with this file is a bundle and may be replaced."""
@@ -118,10 +118,7 @@ def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path]
     digest: of a file; OSError counts as another one.
     """
     try:
-        files = dict(files_of(_real(out_dir)))
-        if not wanted or files.keys() != wanted.keys():
-            return False
-        return all(not p.is_symlink() and digest(p) == wanted[name] for name, p in files.items())
+        return bool(wanted) and not any(differing_files(_real(out_dir), wanted, digest))
     except OSError:
         return False
 
@@ -133,9 +130,8 @@ def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
     """
     changed = [
         name
-        for name, path in sorted(files_of(out))
-        if name not in OWN_FILES
-        and (name not in manifest or path.is_symlink() or digest_file(path) != manifest[name])
+        for what, name in differing_files(out, manifest)
+        if what != "missing" and name not in OWN_FILES
     ]
     aside = out.with_name(f"{out.name}.edited")
     for name in changed:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from assetbuild._version import __version__
+from assetbuild.engine.digest import digest_file
 from assetbuild.errors import UsageError
 from assetbuild.recipe.models import Recipe
 
@@ -92,6 +93,28 @@ def files_of(bundle: Path, *, bytecode: bool = False) -> Iterator[tuple[str, Pat
         is_listed = bytecode or path.parent.name != "__pycache__"
         if is_listed and (path.is_symlink() or not path.is_dir()):
             yield path.relative_to(bundle).as_posix(), path
+
+
+def differing_files(
+    bundle: Path,
+    wanted: Mapping[str, str],
+    digest: Callable[[Path], str] = digest_file,
+    *,
+    bytecode: bool = False,
+) -> Iterator[tuple[str, str]]:
+    """Yield ("missing", "added" or "changed", path) of files that are not as `wanted`.
+
+    wanted: path -> SHA-256; a link in place of a file is a change. bytecode: see `files_of`.
+    """
+    held = dict(files_of(bundle, bytecode=bytecode))
+    for name in sorted(wanted.keys() | held.keys()):
+        path = held.get(name)
+        if path is None:
+            yield "missing", name
+        elif name not in wanted:
+            yield "added", name
+        elif path.is_symlink() or not path.is_file() or digest(path) != wanted[name]:
+            yield "changed", name
 
 
 def manifest_of(bundle: Path) -> dict[str, str]:

@@ -49,8 +49,8 @@ def change(path: str, how: Callable[[str], str]) -> Callable[[Legs], None]:
     [
         (change("urdf/legs.urdf", lambda t: t + " "), "changed: urdf/legs.urdf"),
         (lambda legs: (legs.bundle / "NOTICE").unlink(), "missing: NOTICE"),
-        (lambda legs: (legs.bundle / "mine").write_text("x"), "not in the manifest: mine"),
-        (lambda legs: (legs.bundle / "mine").symlink_to("/"), "not in the manifest: mine"),
+        (lambda legs: (legs.bundle / "mine").write_text("x"), "added: mine"),
+        (lambda legs: (legs.bundle / "mine").symlink_to("/"), "added: mine"),
         (lambda legs: (legs.bundle / "provenance.json").unlink(), "missing: provenance.json"),
         (change("provenance.json", lambda t: "[" * 99_999), "not a provenance"),
         (change("provenance.json", lambda t: t.replace("slsa.dev", "x.org")), "SLSA's predicate"),
