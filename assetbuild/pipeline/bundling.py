@@ -69,14 +69,15 @@ def bundle_files(
     writers = (load_plugin(Target, name) for name in own_names(Target))
     sections = asked_sections((reader for _, reader in readers_of(recipe)), writers)
     reference = built.reference(stated_options(recipe, sections) | patterns(recipe))
+    assert done.outline.bodies is not None  # noqa: S101 # a whole plan has it
     subject = Subject(
         recipe,
         sources[0][1],
         reference.tree,
         reference.shapes,
         reference.control,
-        built.measured(),
-        built.fits(),
+        decode(Measured, built.read(done.outline.bodies)),
+        tuple(decode(Fit, built.read(node["fit.json"])) for node in done.outline.fits),
     )
     # The small picture where libraries of USD assets look for it.
     small = f"usd/.thumbs/256x256/{recipe.robot}.usda.png"
@@ -153,15 +154,6 @@ class _Built:
     def listing(self, ref: Ref) -> Listing:
         """Path -> (digest, size) of an output that is a folder."""
         return self.session.tree(self.results[ref.node][ref.output])
-
-    def measured(self) -> Measured:
-        """What the report shows of the bodies."""
-        assert self.outline.bodies is not None  # noqa: S101 # a whole plan has it
-        return decode(Measured, self.read(self.outline.bodies))
-
-    def fits(self) -> tuple[Fit, ...]:
-        """What the logs of the recipe showed."""
-        return tuple(decode(Fit, self.read(node["fit.json"])) for node in self.outline.fits)
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
         """The robot that the targets wrote, with what its files hold."""

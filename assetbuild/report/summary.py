@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from html import escape
 
@@ -78,9 +79,6 @@ def markdown_text(text: str) -> str:
     """Text on one line, with no markup of its own but code."""
     plain = " ".join(text.split())
     parts = plain.split("`") if plain.count("`") % 2 == 0 else [plain]
-    escaped = [part if i % 2 else _literal(part) for i, part in enumerate(parts)]
-    return "`".join(escaped)
-
-
-def _literal(text: str) -> str:
-    return "".join(f"\\{c}" if c in "\\`*_[]" else c for c in escape(text))
+    # Every second part is code, between backticks.
+    parts[::2] = [re.sub(r"([\\`*_\[\]])", r"\\\1", escape(part)) for part in parts[::2]]
+    return "`".join(parts)
