@@ -23,9 +23,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         report = shown_report(report_of(read_json(arguments.bundle, name)))
     except (KeyError, TypeError, ValueError, AttributeError):
-        hint = "build the bundle of an older version again"
-        message = f"{arguments.bundle / name}: not a report of this version"
-        raise UsageError(message, hint=hint) from None
+        message = f"{arguments.bundle / name}: not a report"
+        raise UsageError(message, hint="build the bundle again") from None
     print("\n".join(_lines(report)))
     if arguments.pictures:
         scene = arguments.bundle / "mjcf" / "scene.xml"

@@ -62,6 +62,16 @@ class Report:
         }
 
 
+EARLIER: Mapping[str, object] = {
+    "next_step": "",
+    "formats": {"status": "not compared", "sentence": "built by an earlier version"},
+    "physics": {"status": "not tried", "sentence": "built by an earlier version"},
+    "trainers": {},
+    "not_tried": {},
+}
+"""What the verdict of a bundle of version 0.1 may lack."""
+
+
 def report_of(content: Mapping[str, Any]) -> Report:  # Any: JSON
     """What a `report.json` says. ValueError, KeyError or TypeError for foreign data."""
     from pydantic import TypeAdapter  # for verbs that read a report
@@ -69,7 +79,7 @@ def report_of(content: Mapping[str, Any]) -> Report:  # Any: JSON
     checks = {name: {"note": "", **check} for name, check in content["checks"].items()}
     return Report(
         str(content["robot"]),
-        TypeAdapter(Verdict).validate_python(content["verdict"]),
+        TypeAdapter(Verdict).validate_python({**EARLIER, **content["verdict"]}),
         tuple(map(finding_from_json, content["findings"])),
         TypeAdapter(dict[str, CheckResult]).validate_python(checks),
     )

@@ -211,15 +211,20 @@ def test_numbers_that_simulate_nothing_are_an_error(
     assert (code, "error mjcf.load" in said) == (1, True)
 
 
-def test_a_report_that_is_none_is_a_wrong_input(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("checks", "code", "line"),
+    [({"a": {}}, 2, "report.json: not a report"), ({}, 0, "formats: not compared: built by an")],
+)
+def test_a_report_is_one_of_any_version(
+    checks: object, code: int, line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "report").mkdir()
-    report = {"robot": "r", "verdict": {"ready": True}, "checks": {"a": {}}, "findings": []}
+    verdict = {"ready": True, "blocked_by": []}
+    report = {"robot": "r", "verdict": verdict, "checks": checks, "findings": []}
     (tmp_path / "report/report.json").write_text(json.dumps(report))
-    assert main(["report", str(tmp_path)]) == 2
-    said = capsys.readouterr()
-    assert "not a report of this version" in said.err and not said.out
+    assert main(["report", str(tmp_path)]) == code
+    output = capsys.readouterr()
+    assert line in output.out + output.err and not (output.out and output.err)
 
 
 @pytest.mark.parametrize("pipe", ["arm.xml", "meshes/a.obj"])
