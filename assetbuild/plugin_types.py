@@ -38,7 +38,7 @@ from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, SourceShape, SourceShapes, Sphere
 
 if TYPE_CHECKING:
@@ -48,55 +48,16 @@ ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes
 
 
 @dataclass(frozen=True)
-class MeshPart:
-    """One file (arrays, or OBJ text) of a converted mesh: all its triangles have one material.
-
-    material: the source's name for it; rgba: None = the source states none. texture: a PNG
-    beside it in `parts/`, named by its content; its colours are multiplied by rgba (None: white).
-    uv: does it have texture coordinates?
-    """
-
-    file: str
-    vertices: int
-    faces: int
-    material: str | None = None
-    rgba: tuple[float, float, float, float] | None = None
-    texture: str | None = None
-    uv: bool = False
-
-
-@dataclass(frozen=True)
-class ConvertedMesh:
-    """`mesh.json` beside `parts/`: what `convert_mesh` and `decimate_mesh` write.
-
-    Metres, scale applied, outward normals. lower, upper: bounds. volume_m3: None when open.
-    up_axis: what the file says when that is not Z; turned: was the mesh turned accordingly?
-    """
-
-    parts: tuple[MeshPart, ...]
-    faces: int
-    area_m2: float
-    lower: Vec3
-    upper: Vec3
-    watertight: bool
-    volume_m3: float | None = None
-    up_axis: str | None = None
-    turned: bool = False
-
-
-@dataclass(frozen=True)
 class Piece:
-    """One collision piece. A `Mesh` geometry names a file in `pieces/`, a convex hull."""
+    """One collision piece. A `Mesh` geometry is a convex hull of `pieces.npz`."""
 
     geometry: Box | Sphere | Cylinder | Capsule | Mesh
     X_frame_piece: Pose = IDENTITY
-    vertices: int = 0
-    faces: int = 0
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """`pieces.json` beside `pieces/`: what a collision method writes."""
+    """`pieces.json` beside `pieces.npz`: what a collision method writes."""
 
     pieces: tuple[Piece, ...]
 

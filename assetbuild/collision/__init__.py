@@ -21,16 +21,16 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
+from assetbuild.mesh.arrays import PARTS, read_meshes, write_meshes
 from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import capped, convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
-from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
 from assetbuild.mesh.primitives import BY_NAME, resized, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.plugin_types import ConvertedMesh, Piece, Pieces
+from assetbuild.plugin_types import Piece, Pieces
 from assetbuild.recipe_types import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
@@ -92,13 +92,13 @@ class Likeness:
 class CollisionMethod(Step):
     """Base of all methods: reads and checks the sources, verifies, measures, writes the pieces.
 
-    With `like`, the pieces of an equal shape (`like/pieces.json`, `like/pieces/`) are tried
+    With `like`, the pieces of an equal shape (`like/pieces.json`, `like/pieces.npz`) are tried
     first, and taken when they fit this mesh as well as they fit theirs.
     """
 
     usual_s = 1.0
     group: ClassVar[str] = "collision"
-    outputs = ("pieces/", "pieces.json", "quality.json")
+    outputs = ("pieces.npz", "pieces.json", "quality.json")
     isolated = True
     preload = MESH_MODULES
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
@@ -210,13 +210,8 @@ class CollisionMethod(Step):
         """One source in the output frame, as it is."""
         if source.primitive is not None:
             return tessellate(source.primitive).placed(source.pose)
-        folder = inputs / (source.folder or "")
-        record = decode_file(ConvertedMesh, folder / "mesh.json")
-        files = [folder / "parts" / part.file for part in record.parts]
-        mesh = merged([read_part(file, self.subject) for file in files])
-        if not np.isfinite(mesh.vertices).all():
-            raise StepError(f"{self.subject}: not all vertices are finite numbers")
-        return mesh.placed(source.pose)
+        meshes = read_meshes(inputs / (source.folder or "") / PARTS)
+        return merged([*meshes.values()]).placed(source.pose)
 
     def verified(self, pieces: Iterable[ConvexPiece]) -> list[ConvexPiece]:
         """The pieces, hulls among them hulled again by qhull and capped; flat ones are left out."""
@@ -243,10 +238,7 @@ class CollisionMethod(Step):
         if self.like is None:
             return None
         before = json.loads((folder / "quality.json").read_bytes())
-        pieces = [
-            carried(piece, folder / "pieces", self.like)
-            for piece in decode_file(Pieces, folder / "pieces.json").pieces
-        ]
+        pieces = [carried(piece, self.like) for piece in read_pieces(folder)]
         if before is None or any(
             blocked_by(p, place) for place in self.closed_places for p in pieces
         ):
@@ -327,37 +319,41 @@ class Fitted:
     quality: Quality | None = None
 
 
-def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:
-    """A stored piece of the other mesh, moved (and mirrored) to this one."""
+def carried(piece: ConvexPiece, like: Likeness) -> ConvexPiece:
+    """A piece of the other mesh, moved (and mirrored) to this one."""
     signs, shift = np.asarray(like.signs), np.asarray(like.shift)
-    geometry = piece.geometry
-    if isinstance(geometry, Mesh):
-        hull = read_triangles((folder / geometry.mesh).read_bytes())
-        return ConvexPiece(convex_hull(hull.vertices * signs + shift))
+    if isinstance(piece.solid, TriangleMesh):
+        return ConvexPiece(convex_hull(piece.solid.vertices * signs + shift))
     pose = piece.X_frame_piece
     # A primitive is its own mirror image: reflecting both sides of the turn keeps it a rotation.
     rotation = np.diag(signs) @ pose.rotation @ np.diag(signs)
-    return ConvexPiece(
-        geometry, Pose(vec3(np.asarray(pose.xyz) * signs + shift), quat_of(rotation))
-    )
+    moved = Pose(vec3(np.asarray(pose.xyz) * signs + shift), quat_of(rotation))
+    return ConvexPiece(piece.solid, moved)
 
 
 def write_pieces(folder: Path, pieces: Sequence[ConvexPiece], quality: Quality | None) -> None:
-    """Write `pieces/<n>.obj` for the hulls, `pieces.json` (`Pieces`) and `quality.json`.
+    """Write `pieces.npz` for the hulls, `pieces.json` (`Pieces`) and `quality.json`.
 
     quality: None for the source's own primitive, which is what it is.
     """
-    (folder / "pieces").mkdir(exist_ok=True)
-    records = []
-    for number, piece in enumerate(pieces):
-        hull = piece.solid
-        if not isinstance(hull, TriangleMesh):
-            records.append(Piece(hull, piece.X_frame_piece))
-            continue
-        name = f"{number}.obj"
-        (folder / "pieces" / name).write_bytes(obj_bytes(hull))
-        records.append(Piece(Mesh(name), IDENTITY, len(hull.vertices), len(hull.faces)))
+    hulls = {str(n): p.solid for n, p in enumerate(pieces) if isinstance(p.solid, TriangleMesh)}
+    records = [
+        Piece(Mesh(str(n)) if isinstance(p.solid, TriangleMesh) else p.solid, p.X_frame_piece)
+        for n, p in enumerate(pieces)
+    ]
+    write_meshes(folder / "pieces.npz", hulls)
     (folder / "pieces.json").write_bytes(encode(Pieces(tuple(records))))
     figures = None if quality is None else asdict(quality)
     text = json.dumps(figures, sort_keys=True, indent=1)
     (folder / "quality.json").write_text(text + "\n", encoding="utf-8")
+
+
+def read_pieces(folder: Path) -> list[ConvexPiece]:
+    """What `write_pieces` wrote."""
+    hulls = read_meshes(folder / "pieces.npz")
+    pieces = []
+    for piece in decode_file(Pieces, folder / "pieces.json").pieces:
+        geometry = piece.geometry
+        solid = hulls[geometry.mesh] if isinstance(geometry, Mesh) else geometry
+        pieces.append(ConvexPiece(solid, piece.X_frame_piece))
+    return pieces

@@ -14,13 +14,12 @@ from pydantic import Field, model_validator
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import RecipeError, StepError
 from assetbuild.findings import Finding, Rule
+from assetbuild.mesh.arrays import PARTS, read_meshes
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import cleaned, merged, solid_moments
-from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials
+from assetbuild.plugin_types import Edited, MassEdit, edit_inertials
 from assetbuild.recipe_types import Positive
-from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, mass_data, move_inertial, tensor_of
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import vec3
@@ -118,9 +117,7 @@ class InertiaFromGeometry(MassEdit):
         return move_inertial(of_primitive(shape.geometry), shape.X_link_shape)
 
     def _of_mesh(self, shape: SourceShape, folder: Path) -> Inertial:
-        record = decode_file(ConvertedMesh, folder / "mesh.json")
-        parts = [read_part(folder / "parts" / p.file) for p in record.parts]
-        mesh = cleaned(merged(parts))
+        mesh = cleaned(merged([*read_meshes(folder / PARTS).values()]))
         if not mesh.is_closed:
             if self.open == "refuse":
                 raise RecipeError(

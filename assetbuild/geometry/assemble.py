@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 import shutil
@@ -10,14 +11,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.collision import read_pieces
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import quoted
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.hulls import write_meshes
-from assetbuild.mesh.obj import obj_of
+from assetbuild.mesh.arrays import PARTS, read_meshes, write_meshes
+from assetbuild.mesh.material import ConvertedMesh, SurfaceMaterial
+from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import mean_colour, picture_name
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.plugin_types import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -38,6 +40,10 @@ PNG = "texture.png"
 """What `convert_texture` writes."""
 WHITE = (1.0, 1.0, 1.0, 1.0)
 """Under a texture: it is shown as it is."""
+
+# Links that show the same mesh share its arrays and its text.
+_parts = functools.lru_cache(16)(functools.partial(read_meshes, surface=True))
+_text = functools.lru_cache(16)(obj_bytes)
 
 TEXTURE_MISSING = Rule(
     "texture.missing",
@@ -111,7 +117,7 @@ class Assemble(Step):
             shapes += called(made, use.shape if is_own and use.named else None)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
-        meshes = [library.meshes[asset.name] for asset in final.meshes]
+        meshes = {asset.name: library.meshes[asset.name] for asset in final.meshes}
         write_meshes(files.outputs / "triangles.npz", meshes)
         yield from palette.findings
         yield from _without_collision(source, self.uses)
@@ -152,20 +158,18 @@ def _built(
     X_link_source = shape.X_link_shape if shape else IDENTITY
     made: list[tuple[Geometry, Pose, str | None]] = []
     if use.pieces is not None:
-        folder = inputs / use.pieces
-        for piece in decode_file(Pieces, folder / "pieces.json").pieces:
-            geometry = piece.geometry
-            if isinstance(geometry, Mesh):
-                part = MeshPart(geometry.mesh, piece.vertices, piece.faces)
-                path = folder / "pieces" / geometry.mesh
-                geometry = Mesh(library.add(path, use.stem, part, convex=True))
+        for piece in read_pieces(inputs / use.pieces):
+            geometry: Geometry | TriangleMesh = piece.solid
+            if isinstance(geometry, TriangleMesh):
+                geometry = Mesh(library.add(geometry, use.stem, convex=True))
             made.append((geometry, X_link_source @ piece.X_frame_piece, None))
     elif shape is not None and use.mesh is not None:
         folder = inputs / use.mesh
-        for part in decode_file(ConvertedMesh, folder / "mesh.json").parts:
-            name = library.add(folder / "parts" / part.file, use.stem, part)
-            material = palette.of_mesh(use, shape, part, folder / "parts")
-            made.append((Mesh(name), X_link_source, material))
+        looks = decode_file(ConvertedMesh, folder / "mesh.json").materials
+        for look, mesh in zip(looks, _parts(folder / PARTS).values(), strict=True):
+            uv = mesh.uv is not None
+            material = palette.of_mesh(use, shape, look, folder / "parts", uv=uv)
+            made.append((Mesh(library.add(mesh, use.stem)), X_link_source, material))
     elif shape is not None and not isinstance(shape.geometry, MeshFile):
         material = palette.of_source(use, shape, uv=False)
         made.append((shape.geometry, X_link_source, material))
@@ -201,13 +205,14 @@ class _Library:
         self._folder = folder
         self._by_digest: dict[str, MeshAsset] = {}
 
-    def add(self, path: Path, stem: str, part: MeshPart, *, convex: bool = False) -> str:
-        """Name of the asset with this file's content; the first user gives it its stem."""
-        mesh, text = obj_of(path)
+    def add(self, mesh: TriangleMesh, stem: str, *, convex: bool = False) -> str:
+        """Name of the asset with this mesh; the first user gives it its stem."""
+        text = _text(mesh)
         digest = hashlib.sha256(text).hexdigest()
         if digest not in self._by_digest:
             name = f"{re.sub(r'[^A-Za-z0-9_]+', '_', stem) or 'mesh'}-{digest[:8]}"
-            asset = MeshAsset(name, f"{name}.obj", part.vertices, part.faces, convex)
+            vertices, faces = len(mesh.vertices), len(mesh.faces)
+            asset = MeshAsset(name, f"{name}.obj", vertices, faces, convex)
             (self._folder / asset.file).write_bytes(text)
             self._by_digest[digest] = asset
             self.meshes[name] = mesh
@@ -266,21 +271,26 @@ class _Palette:
                 shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
         return self._take(shown)
 
-    def of_mesh(self, use: Use, shape: SourceShape, part: MeshPart, folder: Path) -> str | None:
-        """The material inside the mesh file, else the description's."""
-        own = self._of_part(part, folder) if use.role == "visual" else None
+    def of_mesh(
+        self, use: Use, shape: SourceShape, look: SurfaceMaterial, folder: Path, *, uv: bool
+    ) -> str | None:
+        """The material inside the mesh file, with its picture in `folder`, else the description's.
+
+        uv: as in `of_source`.
+        """
+        own = self._of_part(look, folder) if use.role == "visual" else None
         if own and not use.named and shape.material in self._source:
             self._own.append(shape.name)
-        return own or self.of_source(use, shape, uv=part.uv)
+        return own or self.of_source(use, shape, uv=uv)
 
-    def _of_part(self, part: MeshPart, folder: Path) -> str | None:
+    def _of_part(self, look: SurfaceMaterial, folder: Path) -> str | None:
         """The material inside the mesh file, when it has a colour or a texture in `folder`."""
-        texture = part.texture
+        texture = look.texture
         if texture is not None:
             self._library.add_picture(folder / texture, texture)
-        elif part.rgba is None:
+        elif look.rgba is None:
             return None
-        return self._take(Material(part.material or "material", part.rgba or WHITE, texture))
+        return self._take(Material(look.name or "material", look.rgba or WHITE, texture))
 
     @property
     def findings(self) -> tuple[Finding, ...]:

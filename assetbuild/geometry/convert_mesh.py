@@ -1,4 +1,4 @@
-"""One mesh file -> one OBJ per material and its pictures; metres, scale applied, measured."""
+"""One mesh file -> a mesh per material and its pictures; metres, scale applied, measured."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.material import MaterialPart
-from assetbuild.mesh.obj import SUFFIX, write_arrays
+from assetbuild.mesh.arrays import PARTS, write_meshes
+from assetbuild.mesh.material import ConvertedMesh, MaterialPart
 from assetbuild.mesh.picture import has_holes, picture_name, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
@@ -27,7 +27,6 @@ from assetbuild.mesh.triangles import (
     unit_vectors,
     weld,
 )
-from assetbuild.plugin_types import ConvertedMesh, MeshPart
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3, vec3
 
@@ -237,34 +236,18 @@ def write_converted(
     *,
     turned: bool = False,
 ) -> None:
-    """Write `parts/<n>.npz` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
+    """Write `PARTS` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
     (folder / "parts").mkdir(exist_ok=True)
-    for number, part in enumerate(parts):
-        write_arrays(folder / "parts" / f"{number}{SUFFIX}", part.mesh)
+    write_meshes(folder / PARTS, {str(n): part.mesh for n, part in enumerate(parts)})
     whole = merged([part.mesh for part in parts])
     whole = whole if len(parts) == 1 else weld(whole)
-    closed = whole.is_closed  # when all parts together are
     lower, upper = whole.bounds
-    described = (
-        MeshPart(
-            file=f"{number}{SUFFIX}",
-            vertices=len(part.mesh.vertices),
-            faces=len(part.mesh.faces),
-            material=part.material.name,
-            rgba=part.material.rgba,
-            texture=part.material.texture,
-            uv=part.mesh.uv is not None,
-        )
-        for number, part in enumerate(parts)
-    )
     record = ConvertedMesh(
-        parts=tuple(described),
+        materials=tuple(part.material for part in parts),
         faces=len(whole.faces),
-        area_m2=area(whole),
         lower=vec3(lower),
         upper=vec3(upper),
-        watertight=closed,
-        volume_m3=signed_volume(whole) if closed else None,
+        volume_m3=signed_volume(whole) if whole.is_closed else None,  # when all parts together are
         up_axis=up_axis,
         turned=turned,
     )

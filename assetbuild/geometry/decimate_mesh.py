@@ -14,12 +14,11 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import read_part
+from assetbuild.mesh.arrays import PARTS, read_meshes
+from assetbuild.mesh.material import ConvertedMesh, MaterialPart
 from assetbuild.mesh.quality import surface_distance
 from assetbuild.mesh.simplify import simplified
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
-from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 
 AREA = (0.98, 1.02)
@@ -86,17 +85,15 @@ class DecimateMesh(Step):
     """The goal for the whole mesh."""
 
     def run(self, files: Files) -> Iterable[Finding]:
-        """Decimate `parts/` towards `max_faces`; raises StepError when a part is no mesh."""
+        """Decimate `parts/` towards `max_faces`; raises StepError when nothing is left."""
         record = decode_file(ConvertedMesh, files.inputs / "mesh.json")
         if record.faces <= self.max_faces:
             _pass_on(files)
             return
+        meshes = read_meshes(files.inputs / PARTS, surface=True)
         parts = [
-            MaterialPart(
-                SurfaceMaterial(part.material, part.rgba, part.texture),
-                read_part(files.inputs / "parts" / part.file),
-            )
-            for part in record.parts
+            MaterialPart(material, mesh)
+            for material, mesh in zip(record.materials, meshes.values(), strict=True)
         ]
         yield from _textured(parts)
         attempt = self._search([part.mesh for part in parts])
@@ -106,7 +103,7 @@ class DecimateMesh(Step):
             return
         out = [MaterialPart(p.material, m) for p, m in zip(parts, attempt.meshes, strict=True)]
         write_converted(files.outputs, out)
-        for picture in sorted({part.texture for part in record.parts if part.texture}):
+        for picture in sorted({m.texture for m in record.materials if m.texture}):
             shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
         reached = sum(len(part.mesh.faces) for part in out)
         yield _decimated(record.faces, reached, attempt)

@@ -206,11 +206,7 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
     if len(groups) < 2:
         return {}
     folders = {f"shapes/{number}": mesh for number, mesh in enumerate(groups)}
-    inputs = {
-        f"{folder}/{output}": converted(mesh)[output]
-        for folder, mesh in folders.items()
-        for output in ("parts/", "mesh.json")
-    }
+    inputs = {f"{folder}/parts/": converted(mesh)["parts/"] for folder, mesh in folders.items()}
     node = p.add("match_shapes", MatchShapes(folders=tuple(folders)), inputs)
     answer = p.ask(node["matches.json"])
     if answer is None:

@@ -19,10 +19,10 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import format_of
+from assetbuild.mesh.material import ConvertedMesh
 from assetbuild.mesh.primitives import half_height
 from assetbuild.mesh.read import TO_Z_UP
 from assetbuild.mesh.solid import beyond_box
-from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Tree

@@ -14,11 +14,9 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.obj import read_part
+from assetbuild.mesh.arrays import PARTS, read_meshes
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
-from assetbuild.plugin_types import ConvertedMesh
-from assetbuild.robot.codec import decode_file
 
 SAMPLES = 2000
 SAME = 1.2
@@ -49,10 +47,7 @@ class MatchShapes(Step):
         matches: dict[str, dict[str, object]] = {}
         first: list[_Sampled] = []
         for name in self.folders:
-            folder = files.inputs / name
-            record = decode_file(ConvertedMesh, folder / "mesh.json")
-            parts = [read_part(folder / "parts" / part.file, folder.name) for part in record.parts]
-            this = _Sampled(name, merged(parts))
+            this = _Sampled(name, merged([*read_meshes(files.inputs / name / PARTS).values()]))
             match = _match(this, first)
             if match is not None:
                 matches[name] = match

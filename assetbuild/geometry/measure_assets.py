@@ -10,8 +10,8 @@ from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure, pixel_digest
 from assetbuild.findings import Finding
 from assetbuild.mesh import MESH_MODULES
+from assetbuild.mesh.arrays import read_meshes, write_meshes
 from assetbuild.mesh.hull import hull_or_points
-from assetbuild.mesh.hulls import read_meshes, write_meshes
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
@@ -26,8 +26,10 @@ class ReadMeshes(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""
         robot = RobotFiles(files.inputs)
-        paths = [robot.mesh_dir / asset.file for asset in robot.shapes.meshes]
-        meshes = [read_triangles(path.read_bytes(), path.name) for path in paths]
+        meshes = {
+            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes(), asset.file)
+            for asset in robot.shapes.meshes
+        }
         write_meshes(files.outputs / "triangles.npz", meshes)
         yield from ()
 
@@ -46,13 +48,13 @@ class MeasureAssets(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the meshes, and each file of `meshes/` that the robot names."""
         robot = RobotFiles(files.inputs)
-        meshes = read_meshes(robot.triangles, robot.shapes, surface=True)
+        meshes = read_meshes(robot.triangles, surface=True)
         surfaces = [(name, measure(mesh.corners, mesh.uv)) for name, mesh in meshes.items()]
         digests = [(a.name, digest_file(robot.mesh_dir / a.file)) for a in robot.shapes.meshes]
         textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
         pixels = [(t, shown) for t in textures if (shown := pixel_digest(robot.mesh_dir / t))]
         assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
         (files.outputs / "assets.json").write_bytes(encode(assets))
-        hulls = [hull_or_points(mesh.vertices) for mesh in meshes.values()]
+        hulls = {name: hull_or_points(mesh.vertices) for name, mesh in meshes.items()}
         write_meshes(files.outputs / "hulls.npz", hulls)
         yield from ()

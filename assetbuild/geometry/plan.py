@@ -28,7 +28,7 @@ from assetbuild.source.plan import SourceFiles
 
 MESH = ("parts/", "mesh.json")
 """What the conversions write."""
-PIECES = ("pieces/", "pieces.json")
+PIECES = ("pieces.npz", "pieces.json")
 """What a collision method writes, its figures aside."""
 
 

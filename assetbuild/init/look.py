@@ -24,10 +24,10 @@ from assetbuild.mesh.companions import companions_of
 from assetbuild.mesh.hull import capped, hull_or_points
 from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.material import ConvertedMesh
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.chains import is_massless, split, weighs
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import (
@@ -286,7 +286,7 @@ def turned(robot: InspectedRobot) -> frozenset[str]:
         if hull is not None and isinstance(shape.geometry, MeshFile):
             lower, upper = vec3(hull.vertices.min(axis=0)), vec3(hull.vertices.max(axis=0))
             axis = robot.up_axes.get(shape.geometry.path)
-            records[shape.name] = ConvertedMesh((), 0, 0.0, lower, upper, False, None, axis)
+            records[shape.name] = ConvertedMesh((), 0, lower, upper, None, axis)
     return meshes_to_turn(robot.links, robot.shapes, records) if records else frozenset()
 
 

@@ -38,8 +38,6 @@ def convex_hull(
     Raises StepError when the points lie in a plane, on a line or in one spot.
     """
     given = np.asarray(points, dtype=np.float64)
-    if not np.isfinite(given).all():
-        raise StepError(f"{subject}: not all vertices are finite numbers")
     order, new = in_order(given + 0.0)
     distinct = given[order[new]] + 0.0
     refuse_flat(distinct, subject)
@@ -189,7 +187,9 @@ def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def refuse_flat(points: Array, subject: str) -> None:
-    """Raise StepError when points (n, 3) span no volume."""
+    """Raise StepError when points (n, 3) are not finite, or span no volume."""
+    if not np.isfinite(points).all():
+        raise StepError(f"{subject}: not all vertices are finite numbers")
     if len(points) < 4:
         raise StepError(f"{subject}: a hull needs 4 distinct points, there are {len(points)}")
     local = points - points.mean(axis=0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.robot.pose import Vec3
 
 Rgba = tuple[float, float, float, float]
 
@@ -33,6 +34,25 @@ class MaterialPart:
 
     material: SurfaceMaterial
     mesh: TriangleMesh
+
+
+@dataclass(frozen=True)
+class ConvertedMesh:
+    """`mesh.json` beside `parts/`: what `convert_mesh` and `decimate_mesh` write.
+
+    materials: of the meshes in `PARTS`, in their order; a texture is a PNG in `parts/`, named by
+    its content, and its colours are multiplied by rgba (None: white). Metres, scale applied,
+    outward normals. lower, upper: bounds. volume_m3: None when open. up_axis: what the file says
+    when that is not Z; turned: was the mesh turned accordingly?
+    """
+
+    materials: tuple[SurfaceMaterial, ...]
+    faces: int
+    lower: Vec3
+    upper: Vec3
+    volume_m3: float | None = None
+    up_axis: str | None = None
+    turned: bool = False
 
 
 @dataclass(frozen=True, eq=False)

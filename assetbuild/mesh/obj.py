@@ -1,22 +1,15 @@
-"""Files of meshes: Wavefront OBJ, our own writer and a reader for any, and arrays inside the graph.
-
-The writer's bytes depend on the numbers alone. Arrays are read much faster than text; a bundle
-holds OBJ text, which is written once, when a mesh has its final shape.
-"""
+"""Wavefront OBJ: our own writer, whose bytes depend on the numbers alone, and a reader for any."""
 
 from __future__ import annotations
 
-import functools
 import io
 import re
 import warnings
-import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,34 +244,3 @@ def _corners(blocks: Sequence[_Lines], subject: str) -> tuple[Indices, Indices]:
             raise StepError(message) from error
     corners = [corner for row in rows for corner in row]
     return np.array([len(row) for row in rows]), np.array(corners, dtype=np.int64).reshape(-1, 3)
-
-
-SUFFIX = ".npz"
-
-
-def write_arrays(path: Path, mesh: TriangleMesh) -> None:
-    """Write the arrays of a mesh as an npz file; zeros have no sign, as in OBJ text."""
-    tables = {"vertices": mesh.vertices, "uv": mesh.uv, "normals": mesh.normals}
-    arrays: dict[str, Any] = {"faces": mesh.faces}  # Any: `savez` has other keywords, too
-    arrays |= {name: table + 0.0 for name, table in tables.items() if table is not None}
-    np.savez(path, **arrays)
-
-
-def read_part(path: Path, subject: str = "mesh") -> TriangleMesh:
-    """A part of a converted mesh, arrays or OBJ. StepError where the file is neither."""
-    if path.suffix != SUFFIX:
-        return read_triangles(path.read_bytes(), subject)
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return TriangleMesh(
-                file["vertices"], file["faces"], file.get("uv"), file.get("normals")
-            )
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise StepError(f"{subject}: `{path.name}` holds no mesh: {error}") from error
-
-
-@functools.lru_cache(16)
-def obj_of(path: Path) -> tuple[TriangleMesh, bytes]:
-    """A part of a converted mesh, and its OBJ text; made once for all links that show it."""
-    mesh = read_part(path)
-    return mesh, obj_bytes(mesh) if path.suffix == SUFFIX else path.read_bytes()

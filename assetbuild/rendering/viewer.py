@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.hulls import read_meshes
+from assetbuild.mesh.arrays import read_meshes
 from assetbuild.mesh.simplify import clustered, simplified
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, area, cleaned
@@ -92,7 +92,7 @@ class Viewer(Step):
 
 def shown_meshes(robot: RobotFiles) -> dict[str, TriangleMesh]:
     """Each mesh by name: thinned where it is only looked at."""
-    meshes = read_meshes(robot.triangles, robot.shapes)
+    meshes = read_meshes(robot.triangles)
     seen, hit = (
         {s.geometry.mesh for s in robot.shapes.of(role) if isinstance(s.geometry, Mesh)}
         for role in ("visual", "collision")

@@ -20,15 +20,13 @@ from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.hull import Hull
 from assetbuild.engine.step import Files
 from assetbuild.geometry.convert_mesh import ConvertMesh
+from assetbuild.mesh.arrays import PARTS, read_meshes
 from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.native import NativeError, NativeLimits
-from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.plugin_types import ConvertedMesh
-from assetbuild.robot.codec import decode
 
 LINKS = {
     "ur5_base": "ur_description/meshes/ur5/collision/base.stl",
@@ -56,9 +54,7 @@ def load_link(name: str) -> TriangleMesh:
         shutil.copyfile(source, Path(inputs) / "mesh")
         step = ConvertMesh(format=source.suffix.lower().lstrip("."))
         list(step.run(Files(Path(inputs), Path(made))))
-        record = decode(ConvertedMesh, (Path(made) / "mesh.json").read_bytes())
-        files = [Path(made) / "parts" / part.file for part in record.parts]
-        return cleaned(merged([read_part(f, name) for f in files]))
+        return cleaned(merged([*read_meshes(Path(made) / PARTS).values()]))
 
 
 SOURCE = (PlacedSource("mesh"),)

@@ -17,12 +17,12 @@ from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.geometry.convert_mesh import write_converted
+from assetbuild.mesh.arrays import read_meshes
 from assetbuild.mesh.coacd import Patience
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.cut import cut_parts
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned
@@ -251,7 +251,7 @@ def test_a_mirrored_shape_takes_the_other_ones_pieces_mirrored(tmp_path):
     count, findings = fit(tmp_path, Auto(sources=MESH, like=like, **TIGHT), mirrored)
     assert count == 2
     assert findings["collision.gap"].data["method"] == "reused from an equal shape"
-    hulls = [read_triangles(p.read_bytes()) for p in (tmp_path / "out/pieces").iterdir()]
+    hulls = read_meshes(tmp_path / "out/pieces.npz").values()
     assert max(h.vertices[:, 0].max() for h in hulls) == pytest.approx(0.5, abs=0.05)
 
 

@@ -18,8 +18,8 @@ from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
+from assetbuild.mesh.arrays import PARTS, read_meshes, write_meshes
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.vhacd import VHacdOptions
@@ -84,8 +84,6 @@ STOPS: dict[str, TriangleMesh] = {
     ),
     "flat grid": mesh(np.column_stack([soup(60, 4).vertices[:, :2], np.zeros(60)]), np.arange(60)),
     "not a number": changed(3, np.nan),
-    "index too large": mesh(BOX.vertices, np.where(BOX.faces == 7, 99, BOX.faces)),
-    "negative index": mesh(BOX.vertices, np.where(BOX.faces == 7, -99, BOX.faces)),
     "collinear": mesh(np.outer(np.arange(6.0), (1, 1, 1)), [0, 1, 2, 1, 2, 3, 2, 3, 4, 3, 4, 5]),
     "one point": mesh(np.zeros((4, 3)), [0, 1, 2, 0, 2, 3, 0, 1, 3, 1, 2, 3]),
 }
@@ -125,10 +123,7 @@ def attempt(tmp_path: Path, bad: TriangleMesh, method: CollisionMethod):
     folder = tmp_path / "in/shapes/0"
     folder.mkdir(parents=True)
     write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
-    record = folder / "mesh.json"
-    record.write_bytes(record.read_bytes().replace(b"0.npz", b"0.obj"))
-    text = obj_bytes(bad) if len(bad.faces) else b""
-    (folder / "parts/0.obj").write_bytes(text)
+    write_meshes(folder / PARTS, {"0": bad})
     findings = run_step(method, tmp_path / "in", tmp_path / "out")
     return decode(Pieces, (tmp_path / "out/pieces.json").read_bytes()).pieces, findings
 
@@ -145,7 +140,7 @@ def test_a_mesh_without_a_volume_is_one_clear_error(tmp_path, name, method):
     with pytest.raises((StepError, ValueError)) as caught:
         attempt(tmp_path, STOPS[name], method)
     assert isinstance(caught.value, StepError), caught.value
-    assert str(caught.value).startswith(("bad", "0.obj"))
+    assert str(caught.value).startswith("bad")
 
 
 SLOW = ("soup", "torus", "six balls apart", "overlapping boxes")
@@ -203,8 +198,7 @@ UPRIGHT, TILTED = Pose(), Pose(quat=quat_of_rpy(0.6, 0.5, 0.2))
 def covered(folder: Path, points: np.ndarray) -> np.ndarray:
     """(n,) which of points (n, 3) the hulls hold, by their half-spaces."""
     planes = [
-        ConvexHull(read_triangles(file.read_bytes()).vertices).equations
-        for file in (folder / "pieces").iterdir()
+        ConvexHull(hull.vertices).equations for hull in read_meshes(folder / "pieces.npz").values()
     ]
     return np.any([(points @ p[:, :3].T + p[:, 3] <= 1e-9).all(axis=1) for p in planes], axis=0)
 

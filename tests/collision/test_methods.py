@@ -19,10 +19,10 @@ from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
+from assetbuild.mesh.arrays import read_meshes
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
@@ -30,7 +30,7 @@ from assetbuild.plugin_types import Pieces
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
 MESH = (PlacedSource("shapes/0"),)
@@ -59,12 +59,7 @@ def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str
     outputs.mkdir()
     findings = {f.rule: f for f in run_step(method, tmp_path / "in", outputs)}
     record = decode(Pieces, (outputs / "pieces.json").read_bytes())
-    hulls = []
-    for piece in record.pieces:
-        if isinstance(piece.geometry, Mesh):
-            hull = read_triangles((outputs / "pieces" / piece.geometry.mesh).read_bytes())
-            assert (len(hull.vertices), len(hull.faces)) == (piece.vertices, piece.faces)
-            hulls.append(hull)
+    hulls = list(read_meshes(outputs / "pieces.npz").values())
     files = {str(p.relative_to(outputs)): p.read_bytes() for p in outputs.rglob("*.*")}
     return record.pieces, hulls, findings, files
 
@@ -158,7 +153,7 @@ def test_a_source_that_is_the_primitive_stays_exactly_as_it_is(tmp_path, shape):
     (piece,), _, findings, files = fit(tmp_path, FitPrimitive(sources=(source,), shape=shape))
     assert (piece.geometry, piece.X_frame_piece) == (Sphere(0.0213), TURNED)
     assert findings == {}
-    assert sorted(files) == ["pieces.json", "quality.json"]
+    assert sorted(files) == ["pieces.json", "pieces.npz", "quality.json"]
 
 
 def test_a_cylinder_asked_to_be_a_capsule_becomes_one(tmp_path):

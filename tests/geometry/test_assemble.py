@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 from PIL import Image
 from robot_files import run_step
-from tiny import box_obj
 
+from assetbuild.collision import write_pieces
 from assetbuild.geometry.assemble import Assemble, Use, called
-from assetbuild.plugin_types import ConvertedMesh, MeshPart, Piece, Pieces
+from assetbuild.geometry.convert_mesh import write_converted
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import (
@@ -29,12 +32,11 @@ RAISED = Pose((0.0, 0.0, 1.0))
 RED = (1.0, 0.0, 0.0, 1.0)
 
 
-def converted(folder: Path, *parts: tuple[bytes, MeshPart]) -> None:
-    (folder / "parts").mkdir(parents=True)
-    for data, part in parts:
-        (folder / "parts" / part.file).write_bytes(data)
-    mesh = ConvertedMesh(tuple(p for _, p in parts), 12, 1.0, (0.0,) * 3, (1.0,) * 3, True, 1.0)
-    (folder / "mesh.json").write_bytes(encode(mesh))
+def converted(folder: Path, *materials: SurfaceMaterial) -> None:
+    """A box per material, the first of 1 m, the second of 2 m along x."""
+    folder.mkdir(parents=True)
+    boxes = [tessellate(Box((1.0 + n, 1.0, 1.0))) for n in range(len(materials))]
+    write_converted(folder, list(map(MaterialPart, materials, boxes)))
 
 
 def assembled(tmp_path: Path, source: SourceShapes, step: Assemble) -> tuple[Shapes, Path]:
@@ -46,7 +48,7 @@ def assembled(tmp_path: Path, source: SourceShapes, step: Assemble) -> tuple[Sha
 
 
 def test_a_mesh_that_two_links_share_is_one_file(tmp_path: Path):
-    converted(tmp_path / "in/visual/leg", (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12)))
+    converted(tmp_path / "in/visual/leg", SurfaceMaterial())
     source = SourceShapes(
         tuple(
             SourceShape(f"{n}_v", n, "visual", MeshFile("m/leg.dae"), RAISED)
@@ -65,11 +67,7 @@ def test_a_mesh_that_two_links_share_is_one_file(tmp_path: Path):
 
 
 def test_a_part_keeps_its_own_colour_and_else_takes_the_description_s(tmp_path: Path):
-    converted(
-        tmp_path / "in/visual/arm",
-        (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12, "材质", RED)),
-        (box_obj((2.0, 1.0, 1.0)), MeshPart("1.obj", 8, 12)),
-    )
+    converted(tmp_path / "in/visual/arm", SurfaceMaterial("材质", RED), SurfaceMaterial())
     silver = Material("silver", (0.7, 0.7, 0.8, 1.0))
     shape = SourceShape("a", "arm", "visual", MeshFile("arm.dae"), material="silver")
     step = Assemble(uses=(Use("arm", "visual", "a", mesh="visual/arm", stem="arm"),))
@@ -81,8 +79,7 @@ def test_a_part_keeps_its_own_colour_and_else_takes_the_description_s(tmp_path: 
 
 def test_two_colours_of_one_name_stay_two_materials(tmp_path: Path):
     for name, rgba in (("a", RED), ("b", (0.0, 1.0, 0.0, 1.0))):
-        part = MeshPart("0.obj", 8, 12, "paint", rgba)
-        converted(tmp_path / "in/visual" / name, (box_obj((1.0, 1.0, 1.0)), part))
+        converted(tmp_path / "in/visual" / name, SurfaceMaterial("paint", rgba))
     source = SourceShapes(tuple(SourceShape(n, n, "visual", MeshFile(f"{n}.dae")) for n in "ab"))
     uses = tuple(Use(n, "visual", n, mesh=f"visual/{n}", stem=n) for n in "ab")
     shapes, _ = assembled(tmp_path, source, Assemble(uses=uses))
@@ -93,16 +90,15 @@ def test_two_colours_of_one_name_stay_two_materials(tmp_path: Path):
 
 def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
     folder = tmp_path / "in/collision/hull"
-    (folder / "pieces").mkdir(parents=True)
-    (folder / "pieces/0.obj").write_bytes(box_obj((1.0, 1.0, 1.0)))
+    folder.mkdir(parents=True)
     offset = Pose((0.5, 0.0, 0.0))
-    pieces = Pieces((Piece(Mesh("0.obj"), offset, 8, 12), Piece(Sphere(0.1))))
-    (folder / "pieces.json").write_bytes(encode(pieces))
+    hull = tessellate(Box((1.0, 1.0, 1.0)))
+    write_pieces(folder, [ConvexPiece(hull), ConvexPiece(Sphere(0.1), offset)], None)
     source = SourceShapes((SourceShape("s", "foot", "collision", MeshFile("f.stl"), RAISED),))
     use = Use("foot", "collision", "s", pieces="collision/hull", stem="foot")
     shapes, _ = assembled(tmp_path, source, Assemble(uses=(use,)))
     assert [s.name for s in shapes.shapes] == ["foot_collision1", "foot_collision2"]
-    assert shapes.shapes[0].X_link_shape == RAISED @ offset
+    assert [shape.X_link_shape for shape in shapes.shapes] == [RAISED, RAISED @ offset]
     assert shapes.shapes[1].geometry == Sphere(0.1)
     assert shapes.meshes[0].convex
 
@@ -163,7 +159,7 @@ def test_a_texture_without_coordinates_gives_its_mean_colour(
     """The right half is black: half of each channel, times the stated opacity. An MJCF's colour is
     compared with MuJoCo's own, which no picture changes."""
     half_black(tmp_path / "in/textures/0", left)
-    converted(tmp_path / "in/visual/a", (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12)))
+    converted(tmp_path / "in/visual/a", SurfaceMaterial())
     geometry = MeshFile("a.stl") if how == "mesh" else Box((1.0, 1.0, 1.0))
     material = Material("m", (1.0, 1.0, 1.0, 0.5), "m.png")
     shape = SourceShape("a", "arm", "visual", geometry, material="m")
@@ -183,8 +179,8 @@ def test_a_material_that_the_mesh_overrules_is_said(
     own: tuple[float, ...] | None, stated: str | None, count: int, tmp_path: Path
 ):
     """RViz gives the URDF's material to parts without one of their own only."""
-    part = MeshPart("0.obj", 8, 12, "own" if own else None, own)  # type: ignore[arg-type] # four
-    converted(tmp_path / "in/visual/a", (box_obj((1.0, 1.0, 1.0)), part))
+    material = SurfaceMaterial("own", own) if own else SurfaceMaterial()  # type: ignore[arg-type] # four
+    converted(tmp_path / "in/visual/a", material)
     shape = SourceShape("a", "arm", "visual", MeshFile("a.obj"), material=stated)
     source = SourceShapes((shape,), (Material("silver", (0.7, 0.7, 0.8, 1.0)),))
     (tmp_path / "in/shapes.json").write_bytes(encode(source))

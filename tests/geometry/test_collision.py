@@ -147,7 +147,7 @@ def test_a_mirrored_mesh_takes_the_result_of_the_other_link(tmp_path):
     twins = equal_shapes(all_jobs, known.converted, known)
     assert set(twins) == {arm}
     assert twins[arm][0] is base
-    assert sorted(known.inputs)[0] == "shapes/0/mesh.json"
+    assert sorted(known.inputs)[0] == "shapes/0/parts/"
     assert equal_shapes(all_jobs, known.converted, Answers(None)) is None  # not compared yet
 
 

@@ -20,9 +20,10 @@ from tiny import box_obj, stl
 from assetbuild.errors import StepError
 from assetbuild.geometry.companion_files import ConvertTexture
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.mesh.obj import read_part, read_triangles
-from assetbuild.mesh.triangles import signed_volume
-from assetbuild.plugin_types import ConvertedMesh
+from assetbuild.mesh.arrays import PARTS, read_meshes
+from assetbuild.mesh.material import ConvertedMesh, SurfaceMaterial
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.triangles import area, merged, signed_volume
 from assetbuild.robot.codec import decode
 
 GO1_MESHES = (
@@ -45,7 +46,8 @@ def convert(tmp_path: Path, data: bytes, **fields):
     findings = run_step(ConvertMesh(**fields), inputs, outputs)
     record = decode(ConvertedMesh, (outputs / "mesh.json").read_bytes())
     files = {p.name: p.read_bytes() for p in sorted(outputs.rglob("*")) if p.is_file()}
-    return record, read_part(outputs / "parts" / "0.npz"), findings, files
+    mesh = read_meshes(outputs / PARTS, surface=True)["0"]
+    return record, mesh, findings, files
 
 
 BOX = read_triangles(box_obj((1.0, 2.0, 4.0)))
@@ -54,11 +56,9 @@ BOX = read_triangles(box_obj((1.0, 2.0, 4.0)))
 def test_an_stl_is_welded_measured_and_written(tmp_path):
     record, mesh, findings, _ = convert(tmp_path, stl(BOX.corners), format="stl")
     assert (record.faces, len(mesh.vertices)) == (12, 8)
-    assert record.area_m2 == pytest.approx(28.0)
     assert record.volume_m3 == pytest.approx(8.0)
-    assert record.watertight
     assert (record.lower, record.upper) == ((-0.5, -1.0, -2.0), (0.5, 1.0, 2.0))
-    assert [p.file for p in record.parts] == ["0.npz"]
+    assert record.materials == (SurfaceMaterial(),)
     assert findings == []
 
 
@@ -84,10 +84,10 @@ def test_parts_follow_the_first_use_of_their_material(tmp_path):
         for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
     )
     record, _, _, files = convert_with(tmp_path, data, PALETTE, format="obj")
-    assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 3), ("c", 3)]
-    assert record.watertight  # the parts close one another
-    assert record.volume_m3 == pytest.approx(1 / 6)
-    assert set(files) == {"0.npz", "1.npz", "2.npz", "mesh.json"}
+    faces = [len(mesh.faces) for mesh in read_meshes(tmp_path / "out0" / PARTS).values()]
+    assert ([m.name for m in record.materials], faces) == (["b", "a", "c"], [2, 3, 3])
+    assert record.volume_m3 == pytest.approx(1 / 6)  # the parts close one another
+    assert set(files) == {"meshes.npz", "mesh.json"}
 
 
 TRIANGLE = (
@@ -124,13 +124,13 @@ def test_a_texture_becomes_a_png_beside_its_part(tmp_path):
     red = png(size=(3, 2), format="JPEG")
     files = {"a.mtl": b"newmtl m\nKd 0 0 0\nmap_Kd -s 1 1 1 my wood.jpg\n", "my wood.jpg": red}
     record, mesh, findings, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
-    (part,) = record.parts
+    (material,) = record.materials
     assert findings == []
     assert mesh.uv[:1].tolist() == [[[0, 0], [1, 0], [0, 0]]]
-    assert (part.uv, part.rgba) == (True, (1.0, 1.0, 1.0, 1.0))  # black would hide the picture
-    picture = Image.open(io.BytesIO(written[part.texture]))
+    assert material.rgba == (1.0, 1.0, 1.0, 1.0)  # black would hide the picture
+    picture = Image.open(io.BytesIO(written[material.texture]))
     assert (picture.format, picture.size, picture.mode) == ("PNG", (3, 2), "RGB")
-    assert part.texture.startswith("my_wood-")
+    assert material.texture.startswith("my_wood-")
 
 
 def test_a_picture_saved_with_another_date_gives_the_same_bytes(tmp_path):
@@ -161,7 +161,7 @@ def test_a_mesh_without_its_texture_is_built_in_one_colour(tmp_path, stated, com
     record, _, findings, _ = convert_with(
         tmp_path, TRIANGLE, {"a.mtl": library, **companions}, format="obj"
     )
-    assert (record.parts[0].texture, record.parts[0].rgba) == (None, (1.0, 0.0, 0.0, 1.0))
+    assert (record.materials[0].texture, record.materials[0].rgba) == (None, (1.0, 0.0, 0.0, 1.0))
     (finding,) = [f for f in findings if f.rule == "mesh.texture"]
     assert says in finding.message
 
@@ -180,7 +180,7 @@ def test_a_picture_of_sixteen_bits_keeps_its_tone(tmp_path):
     Image.fromarray(np.full((2, 2), 0x80FF, dtype=np.uint16)).save(out, format="PNG")
     files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": out.getvalue()}
     record, *_, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
-    picture = Image.open(io.BytesIO(written[record.parts[0].texture]))
+    picture = Image.open(io.BytesIO(written[record.materials[0].texture]))
     assert picture.getpixel((0, 0)) == (128,) * 3  # 0x80FF of 0xFFFF is 128.49 of 255
 
 
@@ -226,12 +226,13 @@ def test_each_mesh_of_go1_arrives_whole(tmp_path, go1_root, name):
     scene = trimesh.load_scene(path, process=False)
     other = [g for g in scene.dump() if hasattr(g, "faces")]
     record, _, findings, _ = convert(tmp_path, path.read_bytes(), format="dae")
+    whole = merged([*read_meshes(tmp_path / "out0" / PARTS).values()])
     assert record.faces == sum(len(g.faces) for g in other)
     assert np.allclose([record.lower, record.upper], scene.bounds, atol=1e-7)
-    assert record.area_m2 == pytest.approx(sum(g.area for g in other), rel=1e-5)
+    assert area(whole) == pytest.approx(sum(g.area for g in other), rel=1e-5)
     told = [f.rule for f in findings]
     assert told == (["mesh.up_axis"] if name == "trunk" else [])
-    material = record.parts[0].material
+    material = record.materials[0].name
     expected = {"depthCamera": "材质", "trunk": None, "hip": "Material.029"}
     assert material == expected.get(name, material)
 
@@ -243,7 +244,7 @@ def test_a_single_triangle_gets_a_fourth_corner_on_its_surface(tmp_path):
     record, mesh, findings, _ = convert(tmp_path, stl(ONE), format="stl")
     assert findings == []
     assert (len(mesh.vertices), record.faces) == (4, 3)
-    assert record.area_m2 == pytest.approx(1.0)
+    assert area(mesh) == pytest.approx(1.0)
     assert not mesh.vertices[:, 2].any()
     normals = np.cross(*(mesh.corners[:, i] - mesh.corners[:, 0] for i in (1, 2)))
     assert (normals[:, 2] > 0.0).all()
@@ -254,7 +255,7 @@ def test_a_part_that_is_a_line_is_left_out_and_told(tmp_path):
     data = b"mtllib p.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n" + line
     data += b"usemtl a\nf 1 2 3\nusemtl b\nf 4 5 6\n"
     record, _, findings, _ = convert_with(tmp_path, data, PALETTE, format="obj")
-    assert [part.material for part in record.parts] == ["a"]
+    assert [material.name for material in record.materials] == ["a"]
     assert "mesh.no_area" in [finding.rule for finding in findings]
 
 
@@ -294,5 +295,5 @@ def test_a_texture_without_coordinates_is_told(tmp_path):
     bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
     files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
     record, _, findings, _ = convert_with(tmp_path, bare, files, format="obj")
-    assert record.parts[0].texture is None
+    assert record.materials[0].texture is None
     assert "no texture coordinates" in findings[0].message

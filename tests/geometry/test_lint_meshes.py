@@ -10,7 +10,7 @@ from tiny import ball_inertial
 
 from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes, judge_up_axes, meshes_to_turn
-from assetbuild.plugin_types import ConvertedMesh
+from assetbuild.mesh.material import ConvertedMesh
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy
@@ -35,7 +35,7 @@ def lint(
     lower, upper = LONG if not turned else ((-0.1, -0.1, 0.0), (0.1, 0.1, 1.0))
     bounds = [sorted((a * s, b * s)) for a, b, s in zip(lower, upper, scale, strict=True)]
     low, high = (tuple(side[k] for side in bounds) for k in (0, 1))
-    record = ConvertedMesh((), 12, 1.0, low, high, True, 1.0, says, turned)
+    record = ConvertedMesh((), 12, low, high, 1.0, says, turned)
     shapes = [SourceShape("rod_visual", "rod", "visual", MeshFile("m/rod.dae", scale), pose)]
     if collision is not None:
         shapes.append(SourceShape("rod_collision", "rod", "collision", *collision))
@@ -102,7 +102,7 @@ def rods(tmp_path: Path, links: dict[str, tuple[bool, Vec3 | None]]) -> tuple[li
         bodies.append(Body(name, inertial))
         shapes.append(SourceShape(f"{name}_v", name, "visual", MeshFile(f"{name}.glb"), Pose()))
         low, high = LONG if is_along_y else ((-0.1, -0.1, 0.0), (0.1, 0.1, 1.0))
-        records[f"{name}_v"] = ConvertedMesh((), 12, 1.0, low, high, True, 1.0, "Y_UP")
+        records[f"{name}_v"] = ConvertedMesh((), 12, low, high, 1.0, "Y_UP")
         if len(bodies) > 1:
             above = bodies[-2].name
             pose = Pose((0.0, 0.0, 1.0))
@@ -139,7 +139,7 @@ def test_links_of_the_density_of_no_material_are_told(mass: float, told: bool, t
     shapes = []
     for index, link in enumerate("ab"):
         shapes.append(SourceShape(f"{link}_visual", link, "visual", MeshFile(f"{link}.stl")))
-        mesh = ConvertedMesh((), 12, 0.0024, (0.0, 0.0, 0.0), (0.02, 0.02, 0.02), True, 8e-6)
+        mesh = ConvertedMesh((), 12, (0.0, 0.0, 0.0), (0.02, 0.02, 0.02), 8e-6)
         (tmp_path / f"meshes/{index}.json").write_bytes(encode(mesh))
     (tmp_path / "links.json").write_bytes(encode(tree))
     (tmp_path / "shapes.json").write_bytes(encode(SourceShapes(tuple(shapes), ())))

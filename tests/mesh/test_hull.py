@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from assetbuild.errors import StepError
+from assetbuild.mesh.arrays import read_meshes, write_meshes
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit_many import Cloud
 from assetbuild.mesh.hull import convex_hull, hull_or_points, polygon_count
-from assetbuild.mesh.hulls import common_hull, read_meshes, write_meshes
+from assetbuild.mesh.hulls import common_hull
 from assetbuild.mesh.primitives import (
     distance_slopes,
     resized,
@@ -25,9 +26,7 @@ from assetbuild.robot.shapes import (
     Box,
     Capsule,
     Cylinder,
-    MeshAsset,
     Primitive,
-    Shapes,
     Sphere,
     sizes_of,
 )
@@ -103,16 +102,11 @@ SQUARE = TriangleMesh(
 )
 
 
-def stored(file: Path, meshes: list[TriangleMesh]) -> dict[str, TriangleMesh]:
-    write_meshes(file, meshes)
-    assets = tuple(MeshAsset(f"m{i}", f"m{i}.obj", 0, 0) for i in range(len(meshes)))
-    return dict(read_meshes(file, Shapes((), (), assets)))
-
-
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_meshes_are_read_as_they_were_written(count: int, tmp_path: Path) -> None:
     meshes = [tessellate(Box((1.0, 2.0, 3.0))), SQUARE, tessellate(Sphere(0.1))][:count]
-    found = stored(tmp_path / "triangles.npz", meshes)
+    write_meshes(tmp_path / "all.npz", {f"m{i}": mesh for i, mesh in enumerate(meshes)})
+    found = read_meshes(tmp_path / "all.npz")
     assert list(found) == [f"m{i}" for i in range(count)]
     for mesh, read in zip(meshes, found.values(), strict=True):
         assert np.array_equal(mesh.vertices, read.vertices)

@@ -77,7 +77,7 @@ def write_asset(
     tree, shapes, control = files.tree, files.shapes.all_coloured, files.control
     names = PrimPaths(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
-    write_library(payloads, names, shapes, files.triangles)
+    write_library(payloads, names, files.triangles)
     write_materials(payloads, names, shapes, files.mesh_dir)
     write_instances(payloads, names, shapes, instanceable=options.instanceable)
     write_base(payloads, names, robot, control.cameras)

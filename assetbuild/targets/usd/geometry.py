@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.hulls import read_meshes
+from assetbuild.mesh.arrays import read_meshes
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Material, Mesh, Shape, Shapes, Sphere
@@ -20,7 +20,7 @@ from assetbuild.targets.usd.names import PrimPaths
 LIBRARY = "/Geometries"
 
 
-def write_library(folder: Path, names: PrimPaths, shapes: Shapes, triangles: Path) -> None:
+def write_library(folder: Path, names: PrimPaths, triangles: Path) -> None:
     """`geometries.usdc`: `/Geometries/<asset>/mesh` for each asset, no more than once.
 
     An instance needs a parent to share, a collider the mesh itself: hence the two levels.
@@ -28,7 +28,7 @@ def write_library(folder: Path, names: PrimPaths, shapes: Shapes, triangles: Pat
     stage = new_stage(folder / GEOMETRIES)
     library = UsdGeom.Scope.Define(stage, LIBRARY)
     stage.SetDefaultPrim(library.GetPrim())
-    for name, mesh in read_meshes(triangles, shapes, surface=True).items():
+    for name, mesh in read_meshes(triangles, surface=True).items():
         path = f"{LIBRARY}/{names.assets[name]}"
         # No displayName here: it would come through the reference and name the shapes wrongly.
         UsdGeom.Xform.Define(stage, path)
