@@ -23,13 +23,13 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.arrays import PARTS, read_meshes, write_meshes
 from assetbuild.mesh.cover import Quality, Reference, measure
+from assetbuild.mesh.decomposition import VHacdOptions, vhacd_parts
 from assetbuild.mesh.hull import capped, convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.primitives import BY_NAME, resized, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.plugin_types import Piece, Pieces
 from assetbuild.recipe_types import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode

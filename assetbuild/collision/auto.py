@@ -27,9 +27,15 @@ from assetbuild.collision import (
     MaxVertices,
 )
 from assetbuild.findings import Finding
-from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
 from assetbuild.mesh.cover import Quality, Reference, rough
 from assetbuild.mesh.cut import cut_parts, tips
+from assetbuild.mesh.decomposition import (
+    CoAcdOptions,
+    Patience,
+    VHacdOptions,
+    coacd_parts,
+    vhacd_parts,
+)
 from assetbuild.mesh.fit import box_axes
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
@@ -37,7 +43,6 @@ from assetbuild.mesh.rays import widest_hole
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.mesh.verdict import blocked_by
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.robot.pose import Array
 
 CONVEX = 0.98

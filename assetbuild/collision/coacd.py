@@ -13,11 +13,10 @@ from assetbuild.collision import (
     MaxVertices,
 )
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference
+from assetbuild.mesh.decomposition import CoAcdOptions, VHacdOptions, coacd_parts
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.recipe_types import Positive
 
 MORE_HULLS = Rule(

@@ -12,14 +12,13 @@ from assetbuild.collision import (
 )
 from assetbuild.findings import Finding
 from assetbuild.mesh.cover import Reference
+from assetbuild.mesh.decomposition import VHacdOptions
 from assetbuild.mesh.fit import KINDS, best_primitive
 from assetbuild.mesh.fit_many import fit_parts
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
-from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Primitive
 
 PrimitiveName = Literal["box", "sphere", "capsule", "cylinder"]
@@ -41,8 +40,6 @@ class FitPrimitive(LibraryMethod):
     max_hulls: int = Field(
         1, ge=1, le=64, description="most primitives; fewer where one more is hardly better"
     )
-    bones: tuple[Vec3, ...] = ()
-    """From the link's origin to the next joints, in the output frame, m: directions to try."""
     vhacd: VHacdOptions = Field(
         VHacdOptions(resolution=100_000),
         description="how the mesh is cut into parts when there may be several primitives",
@@ -74,17 +71,13 @@ class FitPrimitive(LibraryMethod):
         self, reference: Reference
     ) -> tuple[list[tuple[Primitive, Pose]], tuple[Finding, ...]]:
         most = max(PARTS, self.max_hulls)
-        failed: tuple[Finding, ...] = ()
-        try:
-            made = vhacd_parts(reference.mesh, self.vhacd, most, 64, self.native_limits)
-            parts = grown_to(made, reference.samples, 0.0)
-        except NativeError as failure:
-            parts, failed = [reference.hull], (self.fell("V-HACD", failure, "one primitive"),)
+        cut = self.vhacd_or_hull(reference, self.vhacd, most, 64)
+        parts = grown_to([piece.surface() for piece in cut.pieces], reference.samples, 0.0)
         family = {len(points): points for points in merge_steps(parts)}
-        best, best_score = fit_parts(reference, [reference.hull], self._kinds, self.bones)
+        best, best_score = fit_parts(reference, [reference.hull], self._kinds)
         for count in range(2, min(self.max_hulls, max(family)) + 1):
             hulls = [convex_hull(points) for points in family[count]]
-            fits, score = fit_parts(reference, hulls, self._kinds, self.bones)
+            fits, score = fit_parts(reference, hulls, self._kinds)
             if score < best_score - WORTH * (count - len(best)):
                 best, best_score = fits, score
-        return best, failed
+        return best, cut.findings

@@ -12,7 +12,7 @@ from assetbuild.collision import (
     MaxVertices,
 )
 from assetbuild.mesh.cover import Reference
-from assetbuild.mesh.vhacd import VHacdOptions
+from assetbuild.mesh.decomposition import VHacdOptions
 
 
 class VHacd(LibraryMethod):

@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh import MESH_MODULES
@@ -85,7 +84,7 @@ class DecimateMesh(Step):
     """The goal for the whole mesh."""
 
     def run(self, files: Files) -> Iterable[Finding]:
-        """Decimate `parts/` towards `max_faces`; raises StepError when nothing is left."""
+        """Decimate `parts/` towards `max_faces`."""
         record = decode_file(ConvertedMesh, files.inputs / "mesh.json")
         if record.faces <= self.max_faces:
             _pass_on(files)
@@ -118,11 +117,14 @@ class DecimateMesh(Step):
         while budget < total:
             share = budget / total
             made = [
-                _simplified(mesh, max(4, int(len(mesh.faces) * share))) if mesh.uv is None else mesh
+                mesh
+                if mesh.uv is not None
+                else simplified(mesh, max(4, int(len(mesh.faces) * share)), DECIMALS)
                 for mesh in meshes
             ]
             reached = sum(len(mesh.faces) for mesh in made) - fixed
-            if 0 < reached < total and (attempt := _Attempt(made, meshes)).is_good:
+            is_whole = all(len(mesh.faces) for mesh in made) and reached < total
+            if is_whole and (attempt := _Attempt(made, meshes)).is_good:
                 return attempt
             budget = max(2 * budget, reached)
         return None
@@ -173,13 +175,6 @@ def _decimated(before: int, after: int, attempt: _Attempt) -> Finding:
             "area_ratio": round(attempt.area, 5),
         },
     )
-
-
-def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh:
-    made = simplified(mesh, goal, DECIMALS)
-    if not len(made.faces):
-        raise StepError("fast-simplification returned no usable mesh")
-    return made
 
 
 def _pass_on(files: Files) -> None:

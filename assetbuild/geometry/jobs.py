@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +23,7 @@ from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import CollisionRule, Recipe, ShapedRule
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import IDENTITY, Pose, vec3
+from assetbuild.robot.pose import IDENTITY, vec3
 from assetbuild.robot.ranges import first_match
 from assetbuild.robot.sections import Region, ToleranceRegion
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape, SourceShapes
@@ -33,8 +32,6 @@ BUILT_IN = ("keep", "none")
 """Methods that need no step of their own."""
 DECOMPOSING = ("auto", "coacd", "vhacd", "spheres")
 """Methods whose result is worth the search for an equal shape."""
-BONE_M = 0.02
-"""A joint nearer to the link's frame gives no direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +73,15 @@ class Job:
             else:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
         given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
-        if "bones" in given:
-            turn = self._to_output.rotation
-            # Rounded, so that four legs share a key.
-            turned = (np.round(turn @ np.asarray(bone), 6) + 0.0 for bone in given["bones"])
-            given["bones"] = tuple(map(vec3, turned))
         return self.method.model_validate(given | ({"like": like} if like else {}))
 
-    @property
-    def _to_output(self) -> Pose:
-        alone = self.shapes and not self.per_link
-        return self.shapes[0].X_link_shape.inverse() if alone else Pose()
-
     def _probes(self) -> tuple[Probe, ...]:
+        alone = self.shapes and not self.per_link
+        X_output_link = self.shapes[0].X_link_shape.inverse() if alone else IDENTITY
         made = []
         for place in self.places:
             most = place.max_outside if isinstance(place, ToleranceRegion) else None
-            start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
+            start, end = (vec3(X_output_link.apply(np.asarray([e]))[0]) for e in place.ends)
             made.append(Probe(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
 
@@ -101,13 +90,11 @@ def collision_jobs(
     recipe: Recipe, folder: Path, links: Tree, shapes: SourceShapes
 ) -> tuple[Job, ...]:
     """All collision uses of the robot, in the order of its links. folder: of the recipe."""
-    by_link = (_jobs_of(recipe, folder, body.name, links, shapes) for body in links.bodies)
+    by_link = (_jobs_of(recipe, folder, body.name, shapes) for body in links.bodies)
     return tuple(job for jobs in by_link for job in jobs)
 
 
-def _jobs_of(
-    recipe: Recipe, folder: Path, link: str, links: Tree, shapes: SourceShapes
-) -> list[Job]:
+def _jobs_of(recipe: Recipe, folder: Path, link: str, shapes: SourceShapes) -> list[Job]:
     rule = first_match(recipe.collision.links, link) or recipe.collision.default
     roles: tuple[Role, ...] = ("collision", "visual")  # of `auto`, the first that there is
     if rule.from_ != "auto":
@@ -120,9 +107,6 @@ def _jobs_of(
     if not link_shapes and method.step_name() != "explicit":
         return []
     fields = _fields(rule, recipe, method)
-    if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
-        ends = {joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link}
-        fields["bones"] = tuple(sorted(end for end in ends if math.hypot(*end) > BONE_M))
     places = (*rule.keep_open, *rule.regions)
     if method.scope != "shape":
         files = _own_meshes(fields, folder)

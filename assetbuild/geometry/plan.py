@@ -54,7 +54,6 @@ class Geometry:
         self._turned = set(turned)
         self._converted: dict[MeshFile, Node] = {}
         self._decimated: dict[MeshFile, Node] = {}
-        self._own: dict[MeshFile, Node] = {}
         self.subjects: dict[str, str] = {}
         self._stems = _short_names(tuple(files))
 
@@ -71,7 +70,7 @@ class Geometry:
         return shape.geometry in self._converted
 
     def converted(self, mesh: MeshFile) -> Node:
-        """The full mesh, as OBJ per material."""
+        """The full mesh, one part per material; of the source, or a file of the user's own."""
         if mesh not in self._converted:
             named = self._companions.get(mesh.path, {})
             step = ConvertMesh(
@@ -81,21 +80,12 @@ class Geometry:
                 companions=tuple(named),
                 keep_uv=mesh.path in self._textured(),
             )
-            inputs = {"mesh": self._files[mesh.path]}
+            file = self._files.get(mesh.path) or self._p.source(Path(mesh.path))
+            inputs = {"mesh": file}
             inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
             label = f"convert_mesh {self._label(mesh)}"
-            self._converted[mesh] = self._add(label, step, inputs, mesh.path)
+            self._converted[mesh] = self._add(label, step, inputs, mesh)
         return self._converted[mesh]
-
-    def own(self, mesh: MeshFile) -> Node:
-        """A mesh file of the user's own, as OBJ; its colours and pictures do not matter."""
-        if mesh not in self._own:
-            name = PurePosixPath(mesh.path).name
-            step = ConvertMesh(format=format_of(mesh.path), scale=mesh.scale)
-            label = f"convert_mesh own {len(self._own)} {name}"
-            inputs = {"mesh": self._p.source(Path(mesh.path))}
-            self._own[mesh] = self._add(label, step, inputs, name)
-        return self._own[mesh]
 
     def visual(self, mesh: MeshFile, max_faces: int | None) -> Node:
         """The mesh within the recipe's budget of faces."""
@@ -106,11 +96,12 @@ class Geometry:
             label = f"decimate_mesh {self._label(mesh)}"
             inputs = {port: full[port] for port in MESH}
             step = DecimateMesh(max_faces=max_faces)
-            self._decimated[mesh] = self._add(label, step, inputs, mesh.path)
+            self._decimated[mesh] = self._add(label, step, inputs, mesh)
         return self._decimated[mesh]
 
-    def _add(self, label: str, step: Step, inputs: Mapping[str, Ref], mesh: str) -> Node:
-        self.subjects[label] = f"mesh {mesh}"
+    def _add(self, label: str, step: Step, inputs: Mapping[str, Ref], mesh: MeshFile) -> Node:
+        is_own = mesh.path not in self._files
+        self.subjects[label] = f"mesh {PurePosixPath(mesh.path).name if is_own else mesh.path}"
         return self._p.add(label, step, inputs)
 
     def _textured(self) -> set[str]:
@@ -126,7 +117,8 @@ class Geometry:
         scale = (
             "" if mesh.scale == (1.0, 1.0, 1.0) else " x" + ",".join(f"{s:g}" for s in mesh.scale)
         )
-        return self._stems[mesh.path] + scale
+        own = f"own {len(self._converted)} {PurePosixPath(mesh.path).name}"
+        return self._stems.get(mesh.path, own) + scale
 
 
 def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
@@ -229,7 +221,7 @@ def _add(job: Job, twins: Twins, nodes: Mapping[Job, Node], geometry: Geometry, 
         if isinstance(shape.geometry, MeshFile):
             inputs |= _inputs(geometry.converted(shape.geometry), MESH, f"shapes/{index}")
     for index, mesh in enumerate(job.own):
-        inputs |= _inputs(geometry.own(mesh), MESH, f"own/{index}")
+        inputs |= _inputs(geometry.converted(mesh), MESH, f"own/{index}")
     other, likeness = twins.get(job, (None, None))
     if other is not None:
         inputs |= _inputs(nodes[other], (*PIECES, "quality.json"), "like")

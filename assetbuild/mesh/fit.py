@@ -15,12 +15,12 @@ import numpy as np
 
 from assetbuild.mesh.cover import POINTS, Reference
 from assetbuild.mesh.cut import tips
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.hull import capped, convex_hull
 from assetbuild.mesh.primitives import Fitted, refined, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
-from assetbuild.robot.pose import Array, Pose, Vec3, quat_between, quat_of, vec3
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)
@@ -54,18 +54,16 @@ def box_axes(reference: Reference) -> tuple[Array, float]:
 def enclosing_each(
     reference: Reference,
     kinds: Sequence[type[Primitive]],
-    more_axes: Sequence[Vec3] = (),
     *,
     rough: bool = False,
 ) -> Iterator[Fitted]:
-    """The smallest of each kind about the mesh; more_axes: further directions to try, any length.
+    """The smallest of each kind about the mesh.
 
     rough: for a start only, about SEARCHED vertices and along the very directions.
     """
     points = reference.hull.vertices
-    search = convex_hull(tips(points), max_vertices=SEARCHED)
-    more = np.asarray(more_axes, dtype=np.float64).reshape(-1, 3)
-    axes = np.concatenate([_candidate_axes(reference.mesh, search), unit_vectors(more)])
+    search = capped(convex_hull(tips(points)), SEARCHED)
+    axes = _candidate_axes(reference.mesh, search)
     for kind in kinds:
         held = search.vertices if rough else points
         yield _enclosing(kind, held, search.vertices, axes, refined=not rough)

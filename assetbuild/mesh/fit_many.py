@@ -19,7 +19,7 @@ from assetbuild.mesh.primitives import Fitted, refined, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.pose import Array, Vec3
+from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Capsule, Primitive, Sphere, sizes_of
 
 POINTS = 4096
@@ -34,8 +34,8 @@ DISTANCE_WEIGHT = 15.0
 """Weight of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
 SAMPLES = 1024
 """Points of the surface that the mean distance is taken from."""
-SHRUNK = (1.0, 0.95, 0.9, 0.85, 0.8)
-"""Sizes / those of the enclosing body that are tried for a part on its own."""
+SHRUNK = 0.9
+"""Sizes / those of the enclosing body with which a part starts."""
 STUBBY = 2.0
 """Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
 
@@ -101,14 +101,10 @@ def fit_parts(
     reference: Reference,
     parts: Sequence[TriangleMesh],
     kinds: Sequence[type[Primitive]],
-    bones: Sequence[Vec3] = (),
 ) -> tuple[list[Fitted], float]:
-    """One primitive per convex part, refined together; and the score of their union.
-
-    bones: (x, y, z) from the frame's origin to the next joints, m: a leg's capsule follows them.
-    """
+    """One primitive per convex part, refined together; and the score of their union."""
     cloud = Cloud(reference)
-    fits = [_best_for(part, kinds, bones) for part in parts]
+    fits = [_best_for(part, kinds) for part in parts]
     for softness in SOFTNESS:
         fits = _refined(fits, cloud, softness * cloud.size)
     if Sphere in kinds:
@@ -137,20 +133,16 @@ def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
 # --- a part on its own ----------------------------------------------------------------------
 
 
-def _best_for(
-    part: TriangleMesh, kinds: Sequence[type[Primitive]], bones: Sequence[Vec3]
-) -> Fitted:
-    """The enclosing primitive of each kind, shrunk to the part's volume; the best of all.
+def _best_for(part: TriangleMesh, kinds: Sequence[type[Primitive]]) -> Fitted:
+    """The enclosing primitive of each kind, shrunk; the best of all.
 
     Its axis is one of the candidates: all are turned together afterwards.
     """
     reference = Reference(part)
     cloud = Cloud(reference)
-    smallest = enclosing_each(reference, kinds, bones, rough=True)
     fits = (
-        (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
-        for primitive, pose in smallest
-        for factor in SHRUNK
+        (resized(type(primitive), SHRUNK * np.asarray(sizes_of(primitive))), pose)
+        for primitive, pose in enclosing_each(reference, kinds, rough=True)
     )
     return first_best(fits, lambda fitted: cloud.score([fitted]))
 

@@ -26,22 +26,16 @@ SURELY_SOLID = 1e-10
 """From this ratio of the squared extents on, points are far from flat: no SVD is needed."""
 
 
-def convex_hull(
-    points: Array,
-    *,
-    max_vertices: int | None = None,
-    subject: str = "mesh",
-) -> TriangleMesh:
+def convex_hull(points: Array, subject: str = "mesh") -> TriangleMesh:
     """The convex hull of points (n, 3) m: outward triangles; its vertices are input points.
 
-    max_vertices: as in `capped`.
     Raises StepError when the points lie in a plane, on a line or in one spot.
     """
     given = np.asarray(points, dtype=np.float64)
     order, new = in_order(given + 0.0)
     distinct = given[order[new]] + 0.0
     refuse_flat(distinct, subject)
-    return capped(_hull_of(distinct, subject), max_vertices, subject=subject)
+    return _hull_of(distinct, subject)
 
 
 def hull_or_points(points: Array) -> TriangleMesh:

@@ -21,12 +21,11 @@ from assetbuild.collision.hull import Hull
 from assetbuild.engine.step import Files
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.mesh.arrays import PARTS, read_meshes
-from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference, measure
+from assetbuild.mesh.decomposition import CoAcdOptions, VHacdOptions, coacd_parts, vhacd_parts
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
-from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 
 LINKS = {
     "ur5_base": "ur_description/meshes/ur5/collision/base.stl",

@@ -18,15 +18,14 @@ from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.arrays import read_meshes
-from assetbuild.mesh.coacd import Patience
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.cut import cut_parts
+from assetbuild.mesh.decomposition import Patience, VHacdOptions
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned
-from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.plugin_types import Pieces
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy

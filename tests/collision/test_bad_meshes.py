@@ -19,10 +19,10 @@ from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.arrays import PARTS, read_meshes, write_meshes
+from assetbuild.mesh.decomposition import VHacdOptions
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.plugin_types import Pieces
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy

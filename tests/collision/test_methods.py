@@ -21,7 +21,7 @@ from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.arrays import read_meshes
 from assetbuild.mesh.cover import union_of
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.hull import capped
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
@@ -114,7 +114,7 @@ def test_decomposition_opens_the_notch_of_an_l(tmp_path, method):
 
 
 def test_coacd_keeps_its_vertex_cap_and_tells_when_disjoint_parts_exceed_the_hulls(tmp_path):
-    ball = convex_hull(tessellate(Sphere(0.1)).vertices, max_vertices=48)
+    ball = capped(tessellate(Sphere(0.1)), 48)
     balls = [ball.mapped(np.eye(3), (x, 0.0, 0.0)) for x in (0.0, 1.0, 2.0)]
     method = CoAcd(sources=MESH, max_hulls=1, max_vertices=32)
     _, hulls, findings, _ = fit(tmp_path, method, merged(balls))

@@ -74,14 +74,6 @@ def test_a_probe_of_the_link_is_given_in_the_frame_of_the_shape(tmp_path):
     assert (probe.radius, probe.max_outside) == (0.004, None)
 
 
-def test_several_primitives_know_the_bones_of_their_link(tmp_path):
-    text = "  default: {method: primitive, max_hulls: 3}\n"
-    base, _ = jobs(tmp_path, text)
-    assert base.step().bones == ((0.0, 0.0, 0.3),)
-    one = jobs(tmp_path, "  default: {method: primitive}\n")[0]
-    assert one.step().bones == ()
-
-
 def test_a_file_of_the_users_is_an_input_whose_name_is_not_in_the_key(tmp_path):
     (tmp_path / "pad.stl").write_bytes(b"")
     piece = "{type: mesh, file: pad.stl, scale: [1, 1, 2]}"
@@ -159,15 +151,7 @@ def test_other_tolerances_share_no_result(tmp_path):
 def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
     recipe = loaded(tmp_path, "  default: {method: primitive, max_hulls: 2}\n")
     turned = Pose((0.1, 0.0, 0.0), quat_of_rpy(math.pi, 0.0, 0.0))
-    ends = {"left": (0.0, 0.08, 0.0), "right": (0.0, -0.08, 0.0)}
-    tree = Tree(
-        "r",
-        "fixed",
-        tuple(Body(name) for name in ("left", "right", "tip_left", "tip_right")),
-        tuple(
-            Joint(side, "revolute", side, f"tip_{side}", Pose(xyz)) for side, xyz in ends.items()
-        ),
-    )
+    tree = Tree("r", "fixed", (Body("left"), Body("right")), ())
     shapes = SourceShapes(
         (
             SourceShape("l", "left", "collision", MeshFile("hip.stl")),
@@ -176,7 +160,6 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
     )
     left, right = collision_jobs(recipe.recipe, tmp_path, tree, shapes)
     assert left.step() == right.step()
-    assert left.step().bones == ((0.0, 0.08, 0.0),)
     assert (left.label, right.label) == ("primitive left", "primitive right")
     assert not left.per_link
 

@@ -12,7 +12,7 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.arrays import read_meshes, write_meshes
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit_many import Cloud
-from assetbuild.mesh.hull import convex_hull, hull_or_points, polygon_count
+from assetbuild.mesh.hull import capped, convex_hull, hull_or_points, polygon_count
 from assetbuild.mesh.hulls import common_hull
 from assetbuild.mesh.primitives import (
     distance_slopes,
@@ -50,7 +50,7 @@ def test_the_hull_of_a_lattice_is_the_cube():
 @pytest.mark.parametrize("cap", [4, 8, 16, 64])
 def test_a_cap_is_kept_exactly_and_the_hull_stays_inside(cap):
     ball = tessellate(Sphere(1.0))
-    hull = convex_hull(ball.vertices, max_vertices=cap)
+    hull = capped(convex_hull(ball.vertices), cap)
     assert len(hull.vertices) == cap
     assert hull.is_closed
     known = {tuple(v) for v in ball.vertices}
