@@ -36,10 +36,9 @@ from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere, sizes_of
 
-AS_GOOD_IOU = 0.01
-"""A reused result may be worse by this much, the error of sampled volumes."""
 AS_GOOD = 0.01
-"""Distances of a reused result may be worse by this share of the diagonal."""
+"""A reused result may be worse by this much, the error of sampled volumes, and its distances by
+this share of the diagonal."""
 
 MaxHulls = Annotated[int, Field(ge=1, le=1024, description="most pieces")]
 MaxVertices = Annotated[
@@ -245,8 +244,8 @@ class CollisionMethod(Step):
             return None
         quality = measure(reference, pieces, flat=before["flat"])
         as_good = (
-            quality.iou >= before["iou"] - AS_GOOD_IOU
-            and quality.missing <= before["missing"] + AS_GOOD_IOU
+            quality.iou >= before["iou"] - AS_GOOD
+            and quality.missing <= before["missing"] + AS_GOOD
             and quality.max_outside_m <= before["max_outside_m"] + AS_GOOD * reference.diagonal
             and quality.p99_m <= before["p99_m"] + AS_GOOD * reference.diagonal
         )

@@ -8,7 +8,6 @@ its joints lie in it.
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -144,23 +143,19 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> froz
     The shapes beside a mesh decide for it. Else it follows the other meshes of its format, since
     one exporter wrote them, where most agree; what its own joints and mass say comes after that.
     """
-    shown: Counter[str] = Counter()
-    sure: Counter[str] = Counter()
-    alike: Counter[str] = Counter()
-    count: Counter[str] = Counter()
-    for vote in votes:
-        for path in vote.paths:
-            says = 1 if vote.is_better != doubted[path].turned else -1
-            shown[path] += says if vote.is_sure and vote.by == SHAPE else 0
-            sure[path] += says if vote.is_sure else 0
-            alike[format_of(path)] += says
-            count[format_of(path)] += 1
+    said = [
+        (vote, path, 1 if vote.is_better != doubted[path].turned else -1)
+        for vote in votes
+        for path in vote.paths
+    ]
     wrong = set()
     for path, record in doubted.items():
-        format = format_of(path)
-        most = alike[format] if abs(alike[format]) > AGREED * count[format] else 0
-        says = shown[path] or most or sure[path] or alike[format]
-        if says and (says > 0) != record.turned:
+        sure = [(v.by, says) for v, named, says in said if named == path and v.is_sure]
+        alike = [says for _, named, says in said if format_of(named) == format_of(path)]
+        shown = sum(says for by, says in sure if by == SHAPE)
+        most = sum(alike) if abs(sum(alike)) > AGREED * len(alike) else 0
+        balance = shown or most or sum(says for _, says in sure) or sum(alike)
+        if balance and (balance > 0) != record.turned:
             wrong.add(path)
     return frozenset(wrong)
 

@@ -13,10 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
 
-Indices = NDArray[np.int64]
 Ends = tuple[Array, Array]
 """(least, greatest) of each triangle."""
 LEAST_CELLS, MOST_CELLS = 64, 1024
