@@ -7,12 +7,13 @@ result measures it again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.findings import Finding
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.arrays import PARTS, read_meshes
 from assetbuild.mesh.quality import surface_samples
@@ -42,7 +43,7 @@ class MatchShapes(Step):
     folders: tuple[str, ...] = Field(min_length=2)
     """Input folders with converted meshes, in the order in which they may be reused."""
 
-    def run(self, files: Files) -> tuple[()]:
+    def run(self, files: Files) -> Iterable[Finding]:
         """Compare each mesh with the first of every class before it."""
         matches: dict[str, dict[str, object]] = {}
         first: list[_Sampled] = []
