@@ -23,8 +23,8 @@ from assetbuild.init.source import UrdfSource
 from assetbuild.mesh.companions import companions_of
 from assetbuild.mesh.hull import capped, hull_or_points
 from assetbuild.mesh.hulls import extent_of
-from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.material import ConvertedMesh
+from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import TriangleMesh
