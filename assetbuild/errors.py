@@ -120,7 +120,7 @@ class Gather:
 
     def __init__(self, kind: type[AssetBuildError]) -> None:
         self._kind = kind
-        self.found: list[AssetBuildError] = []
+        self.gathered: list[AssetBuildError] = []
         self._uncounted = 0
 
     def __enter__(self) -> None:
@@ -130,7 +130,7 @@ class Gather:
         """Keep an error of the kind that is collected; others pass."""
         if not isinstance(error, self._kind):
             return False
-        self.found += error.each()
+        self.gathered += error.each()
         self._uncounted = max(self._uncounted, error.uncounted)  # variants repeat each other
         return True
 
@@ -139,13 +139,15 @@ class Gather:
 
         uncounted: errors that were found and are not worth a sentence each.
         """
-        files = list(dict.fromkeys(error.where.file if error.where else "" for error in self.found))
+        files = list(
+            dict.fromkeys(error.where.file if error.where else "" for error in self.gathered)
+        )
 
         def place(error: AssetBuildError) -> tuple[int, int, int]:
             at = error.where or Where("")
             return files.index(at.file), at.line, at.column
 
-        ordered = sorted({str(error): error for error in self.found}.values(), key=place)
+        ordered = sorted({str(error): error for error in self.gathered}.values(), key=place)
         if ordered:
             first, *others = ordered
             first.also = tuple(others)

@@ -1,4 +1,4 @@
-"""What is said about a robot, as data: rule, severity, subject, numbers, next move.
+"""Findings about a robot, as data: rule, severity, subject, numbers, next move.
 
 A `Rule` is declared once, beside the code that finds it, and makes its findings:
 

@@ -35,7 +35,7 @@ M = TypeVar("M", bound=Model)
 
 
 def unstated(model: type[M]) -> type[M]:
-    """The same keys, all optional: None = not said. For a patch on a model with defaults."""
+    """The same keys, all optional: None = not stated. For a patch on a model with defaults."""
     keys: dict[str, Any] = {  # Any: what create_model takes
         name: _optional(field) for name, field in model.model_fields.items()
     }

@@ -61,7 +61,7 @@ class ForeignTool(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: none where there is no report."""
-        report, failure = self._said(files.inputs / self.needs[0])
+        report, failure = self._report(files.inputs / self.needs[0])
         figures: dict[str, object] = {}
         try:
             findings = [*self.judge(report, figures)]
@@ -71,7 +71,7 @@ class ForeignTool(Check):
         write_figures(files, figures)
         yield from findings
 
-    def _said(self, folder: Path) -> tuple[str, str]:
+    def _report(self, folder: Path) -> tuple[str, str]:
         """Its report, and the last line that it says."""
         with tempfile.TemporaryDirectory(prefix="foreign-") as scratch:
             # A program that resolves links would find the store's files, each in another folder.

@@ -126,8 +126,8 @@ def touching_row(model: mujoco.Model, newton: mujoco.Model, tree: Tree) -> Row:
         "self_collision",
         "HIGH",
         "robot",
-        _told(ours, here),
-        _told(theirs, there),
+        _pairs_text(ours, here),
+        _pairs_text(theirs, there),
         float(len(here) + len(there)),
         0.0,
         0.5,
@@ -150,7 +150,7 @@ def _named(model: mujoco.Model, pairs: Iterable[tuple[int, int]], tree: Tree) ->
     return named_pairs
 
 
-def _told(pairs: Pairs, alone: Pairs) -> str:
+def _pairs_text(pairs: Pairs, alone: Pairs) -> str:
     listed = [" and ".join(f"`{name}`" for name in sorted(pair)) for pair in alone]
     more = f", and {len(listed) - SHOWN} more" if len(listed) > SHOWN else ""
     only = f" (here alone: {', '.join(sorted(listed)[:SHOWN])}{more})" if listed else ""

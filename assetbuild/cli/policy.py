@@ -72,7 +72,7 @@ def _print(done: Replayed, wish: Wish) -> None:
         print(f"  {engine}: {_sentence(engine, run)}")
     if done.diagnosis is not None:
         better = done.diagnosis.replay
-        print(f"  likely fault: {done.diagnosis.said}")
+        print(f"  likely fault: {done.diagnosis.fault}")
         print(f"    with that put right: {_sentence('mujoco', better)}")
     elif done.searched:
         print("  no single fault that is known here explains it")
@@ -102,7 +102,7 @@ def _plain(done: Replayed) -> dict[str, object]:
         "runs": {engine: _figures(run) for engine, run in done.runs.items()},
         "diagnosis": None
         if diagnosis is None
-        else {"fault": diagnosis.said, "score": diagnosis.replay.score},
+        else {"fault": diagnosis.fault, "score": diagnosis.replay.score},
     }
 
 

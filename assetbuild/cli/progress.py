@@ -33,7 +33,7 @@ class Progress:
         self._began = time.monotonic()
         self._forecast = Forecast(usable_cores())
         self._whole = False
-        self._expected_said = False
+        self._expected_shown = False
 
     def on_event(self, event: Event) -> None:
         """A step began or ended."""
@@ -68,8 +68,8 @@ class Progress:
     def _say_expected(self) -> None:
         """Print it once, when all steps are known and the first of them ran."""
         left = self._forecast.left_s({})
-        if self._whole and not self._expected_said and left >= WORTH_SAYING_S:
-            self._expected_said = True
+        if self._whole and not self._expected_shown and left >= WORTH_SAYING_S:
+            self._expected_shown = True
             self.say(f"{self._forecast.word} {shown_time(left)} expected")
 
 

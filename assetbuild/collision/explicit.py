@@ -98,7 +98,7 @@ class Explicit(CollisionMethod):
             mesh = cleaned(self.source_mesh(source, files.inputs))
             refuse_flat(mesh.vertices, f"{self.subject}: piece {number}")
             hull = convex_hull(mesh.vertices)
-            yield from self._told(number, mesh, hull)
+            yield from self._not_convex(number, mesh, hull)
             made.append(ConvexPiece(hull))
         if not self.sources:
             write_pieces(files.outputs, made, None)
@@ -106,7 +106,7 @@ class Explicit(CollisionMethod):
         reference = Reference(self.mesh_of(files))
         yield from self.proven(files, reference, made, measure(reference, made), "explicit")
 
-    def _told(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
+    def _not_convex(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
         """What a simulator will not do with this piece as it is."""
         share = abs(signed_volume(mesh)) / signed_volume(hull) if mesh.is_closed else 0.0
         if share < CONVEX:

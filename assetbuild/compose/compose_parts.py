@@ -85,7 +85,7 @@ class ComposeParts(Step):
                 place = control.pose_in_root.inverse()
                 left_out += control.left_out(base)
                 scenery = control.scenery()
-            yield from _told(part, own_tree, place, left_out, scenery)
+            yield from _mount_findings(part, own_tree, place, left_out, scenery)
         met, findings = meeting_masks(sources)
         changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
         whole = joined(changed.pop("", None), changed)
@@ -173,7 +173,7 @@ def _refuse_clashes(tree: Tree, shapes: SourceShapes, source_control: SourceCont
             raise RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
 
 
-def _told(
+def _mount_findings(
     part: MountedPart,
     tree: Tree,
     X_world_root: Pose,

@@ -65,10 +65,10 @@ def meeting_masks(
                 joined[prefixes[other]] += 1
     made = [_with_masks(source, side) for (_, source), side in zip(sources, sides, strict=True)]
     changed = [prefix for prefix in prefixes if moved[prefix] or joined[prefix]]
-    return made, [_told(prefix, moved[prefix], joined[prefix]) for prefix in changed]
+    return made, [_masks_finding(prefix, moved[prefix], joined[prefix]) for prefix in changed]
 
 
-def _told(prefix: str, moved: int, joined: int) -> Finding:
+def _masks_finding(prefix: str, moved: int, joined: int) -> Finding:
     """moved: how many bits became others; joined: how many were added."""
     return MASKS(
         "recipe compose",

@@ -260,7 +260,7 @@ def _kept(
         elif item.place == "material" and item.owner not in materials:
             continue
         elif item.place == "option":
-            yield _unsaid(item, stated.base.stated)
+            yield _without_stated(item, stated.base.stated)
         elif item.place == "joint" and item.owner not in tree.by_joint:
             message = "an edit replaced the joint: what its MJCF says of it was left out: "
             hint = "state damping, friction and armature of the new joints in `actuators`"
@@ -292,7 +292,7 @@ def _attribute(item: MjcfOnly, key: str) -> str:
     return parsed(item).get(key, "")
 
 
-def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
+def _without_stated(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     """Options of the source that the recipe does not state itself. stated: of the base.
 
     MuJoCo's own `impratio` belongs to its pyramid: another cone gets ours.

@@ -247,19 +247,21 @@ def begin() -> None:
 
 
 class Worker(Door):
-    """One worker. The sockets of its jobs end when it does; at its door it says its `{"pid"}`."""
+    """One worker. The sockets of its jobs end when it does; at its door it sends its `{"pid"}`."""
 
     def __init__(self, end: socket.socket, log: Path) -> None:
         super().__init__(end)
         self.log = log
-        self._said = b""
+        self._received = b""
         self._reading = threading.Lock()
         self._groups: dict[Path, int] = {}
 
     @property
     def pid(self) -> int:
-        """The worker's process ID; 0 until the worker has told it."""
-        return int(json.loads(self._said).get("pid", 0)) if self._said.endswith(b"\n") else 0
+        """The worker's process ID; 0 until the worker has sent it."""
+        return (
+            int(json.loads(self._received).get("pid", 0)) if self._received.endswith(b"\n") else 0
+        )
 
     @property
     def dead(self) -> bool:
@@ -282,7 +284,7 @@ class Worker(Door):
                 received = self._end.recv(4096)
             except ConnectionResetError:  # it died with a request that it had not read
                 return True
-            self._said += received
+            self._received += received
             return not received
 
     def run(self, step: Step, job: Path) -> Ended | None:

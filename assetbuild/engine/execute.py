@@ -105,7 +105,7 @@ def execute(
         places=jobs if jobs and jobs > 0 else place.places,
         memory_mb=place.memory_mb,
         keep_going=keep_going,
-        tell=on_event or (lambda _: None),
+        report=on_event or (lambda _: None),
         whole=whole,
     )
     try:
@@ -128,7 +128,7 @@ class _Schedule:
     places: int
     memory_mb: int
     keep_going: bool
-    tell: Listener
+    report: Listener
     whole: bool
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class _Schedule:
         self.free = self.places
         self.declared_mb = 0
         self.stopping = False
-        self.told: set[type[Step]] = set()
+        self.reported: set[type[Step]] = set()
         self.losses: Counter[str] = Counter()
         self.makers = {label: self.graph.predecessors(label) for label in self.graph.nodes}
         self.readers: dict[str, list[str]] = {label: [] for label in self.graph.nodes}
@@ -154,7 +154,7 @@ class _Schedule:
         count = min(self.places, len(self.graph.nodes))
         for _ in range(count):
             threading.Thread(target=self._serve, daemon=True).start()
-        self.tell(Event("planned", 0, len(self.graph.nodes), whole=self.whole, costs=self.costs))
+        self.report(Event("planned", 0, len(self.graph.nodes), whole=self.whole, costs=self.costs))
         try:
             self._start_what_fits()
             while self.running:
@@ -180,7 +180,7 @@ class _Schedule:
     def _start_what_fits(self) -> None:
         ready = [label for label, missing in self.waiting.items() if not missing]
         for label in sorted(ready, key=lambda label: -self.costs.chains[label]):
-            if self.stopping and type(self.graph.nodes[label].step) not in self.told:
+            if self.stopping and type(self.graph.nodes[label].step) not in self.reported:
                 continue
             need = self._need(label)
             memory_mb = self._memory_mb(label)
@@ -224,7 +224,7 @@ class _Schedule:
             self.stopping = self.stopping or not self.keep_going
             step = type(self.graph.nodes[label].step)
             if step.all_told:
-                self.told.add(step)
+                self.reported.add(step)
             for reader in _reached(label, self.readers):
                 if reader not in self.results:
                     self._block(reader, f"`{label}` failed")
@@ -252,7 +252,7 @@ class _Schedule:
         result: NodeResult | None = None,
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
-        self.tell(Event(kind, done, total, label, result, self.whole))
+        self.report(Event(kind, done, total, label, result, self.whole))
 
 
 def _reached(label: str, edges: Mapping[str, Sequence[str]]) -> dict[str, None]:

@@ -54,7 +54,7 @@ class Libraries:
         """Its top-level modules in one line, then a line for each of its requirements."""
         folder = self._folders[name]
         try:
-            text = self._stamps.find(str(folder), folder.stat(), lambda: _said(folder))
+            text = self._stamps.find(str(folder), folder.stat(), lambda: _metadata_text(folder))
         except OSError:
             text = ""
         return text.split("\n")
@@ -110,7 +110,7 @@ def _metadata_folders() -> dict[str, Path]:
 
 
 @functools.cache
-def _said(folder: Path) -> str:
+def _metadata_text(folder: Path) -> str:
     """Return the text that `Libraries._metadata` splits; a process reads each folder once."""
     requires = metadata.Distribution.at(folder).requires or ()
     return "\n".join(["\t".join(sorted(_tops(folder))), *(" ".join(r.split()) for r in requires)])

@@ -180,10 +180,10 @@ def was_killed_by_chance(ended: Ended, log: Path) -> bool:
         return False
     if os.WTERMSIG(ended.status) in (signal.SIGXCPU, signal.SIGXFSZ):
         return False
-    return not _tells_of_memory(last_line(log))
+    return not _is_about_memory(last_line(log))
 
 
-def _tells_of_memory(text: str) -> bool:
+def _is_about_memory(text: str) -> bool:
     return any(word in text for word in ("bad_alloc", "MemoryError", "annot allocate memory"))
 
 
@@ -203,7 +203,7 @@ def how_it_ended(action: Action, ended: Ended, log: Path) -> str:
             allowed = limits.wall_s * max(1, limits.cpus)
             return f"{name} used more than {allowed:g} s of processor time and was stopped"
         tail = last_line(log)
-        if _tells_of_memory(tail):
+        if _is_about_memory(tail):
             return f"{name} ran over its memory limit of {limits.memory_mb} MB"
         details = f": {tail}" if tail else ""
         if number == signal.SIGKILL:

@@ -253,7 +253,7 @@ class World:
 
 
 def _loaded(library: str) -> list[str]:
-    """The files behind a library of this process, where the system tells."""
+    """The files behind a library of this process, where the system lists them."""
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""The difference of two tables of facts, and the findings that tell it."""
+"""The difference of two tables of facts, and the findings that report it."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Precision:
 
 @dataclass(frozen=True)
 class Difference:
-    """One fact that two tables tell differently.
+    """One fact that two tables state differently.
 
     what: "value", or "missing" or "extra" of a whole subject, which then has no values.
     before, after: the values; of a quantity that one does not state, what its absence means.
@@ -354,7 +354,7 @@ def value_text(value: Value, unit: str = "", digits: int = 6) -> str:
 
 
 def _digits(value: float, digits: int) -> str:
-    """Write at most so many; of 17 no more than tell it from all others."""
+    """Write at most so many; of 17 no more than distinguish it from all others."""
     return repr(value) if digits == 17 else f"{value:.{digits}g}"
 
 

@@ -55,14 +55,14 @@ HELD_BY_PHYSX: Mapping[str, frozenset[str]] = {
     "body": frozenset({"pose", *WEIGHT}),
     "joint": OF_JOINTS | OF_DRIVES | MIMICS | {"anchor", "velocity", "start", "drive target"},
 }
-"""What PhysX's interface tells of the vocabulary; the rest is compared in the USD, is the business
-of an experiment, or acts outside of the simulator."""
+"""What PhysX's interface reports of the vocabulary; the rest is compared in the USD, is measured by
+an experiment, or acts outside of the simulator."""
 HELD_BY_NEWTON: Mapping[str, frozenset[str]] = {
     "body": frozenset(WEIGHT),
     "joint": OF_JOINTS | OF_DRIVES | MIMICS,
     "shape": frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap"}),
 }
-"""What Newton's MuJoCo solver tells: what drives, weighs and touches."""
+"""What Newton's MuJoCo solver reports: what drives, weighs and touches."""
 UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least; PhysX's for joints that mimic."""
 Held = Mapping[str, Any]

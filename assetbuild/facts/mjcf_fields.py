@@ -117,7 +117,7 @@ def body_name(model: Model, index: int) -> str:
 
 
 class Bodies:
-    """How bodies are called, and in which frame what they carry is told: in their own."""
+    """The names of bodies, and the frames in which what they carry is given: their own."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -127,7 +127,7 @@ class Bodies:
         return body_name(self.model, body)
 
     def placed(self, body: int) -> Pose:
-        """X_frame_body of the frame in which facts are told."""
+        """X_frame_body of the frame in which facts are given."""
         return IDENTITY
 
     def is_own_frame(self, body: int, site: str, X_body_site: Pose) -> bool:

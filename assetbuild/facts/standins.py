@@ -51,7 +51,7 @@ def recorded(path: Path, calls: Sequence[str] = ()) -> Record:
 
 
 def _run(job: Record) -> bytes:
-    """What the child said; it may say whatever it likes, so not all is read."""
+    """The output of the child; it may be of any length, so not all is read."""
     home = str(Path(assetbuild.__file__).parent.parent)
     command = [sys.executable, "-I", "-S", "-c", PROGRAM, home]
     with (

@@ -241,7 +241,7 @@ class _Palette:
         self._source = {material.name: material for material in source}
         self._pictures, self._library = pictures, library
         self._used: dict[str, Material] = {}
-        self._told: dict[tuple[str, str], Finding] = {}
+        self._texture_findings: dict[tuple[str, str], Finding] = {}
         self._own: list[str] = []
 
     def of_source(self, use: Use, shape: SourceShape, *, uv: bool) -> str | None:
@@ -297,16 +297,21 @@ class _Palette:
         """Textures and materials of the source that are not shown, each once."""
         names = list(dict.fromkeys(self._own))
         if not names:
-            return tuple(self._told.values())
+            return tuple(self._texture_findings.values())
         message = f"the meshes of {len(names)} shapes bring materials of their own, which count "
         message += f"instead of the URDF's: {quoted(names, 4)}"
-        return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(names)}))
+        return (
+            *self._texture_findings.values(),
+            OWN_MATERIAL("robot", message, data={"shapes": len(names)}),
+        )
 
     def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:
         key = (rule.id, material.name)
         message = f"its texture `{material.texture}` {what}"
         subject = f"material {material.name}"
-        self._told[key] = rule(subject, message, hint, data={"texture": material.texture or ""})
+        self._texture_findings[key] = rule(
+            subject, message, hint, data={"texture": material.texture or ""}
+        )
 
     def used(self) -> tuple[Material, ...]:
         """The materials in use, in order of first use."""

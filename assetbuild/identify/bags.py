@@ -2,7 +2,7 @@
 
 A column is a topic and a field, `/joint_states.position[3]`. In the brackets stands a number, or a
 name that the message's own `name` or `joint_names` lists. The rows are the messages of the topic
-of the second column, the position; of other topics a row has what was said last before.
+of the second column, the position; of other topics a row has the last value before it.
 """
 
 from __future__ import annotations

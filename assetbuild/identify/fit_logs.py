@@ -178,7 +178,7 @@ def drive_of(row: Actuator) -> Drive:
 
 
 def _related(parameters: Sequence[Parameter], solution: Solution) -> Iterator[Related]:
-    """The pairs of parameters that the data hardly tell apart, the closest first."""
+    """The pairs of parameters that the data hardly separate, the closest first."""
     wanted = [i for i, unknown in enumerate(solution.unknowns) if unknown.wanted]
     table = solution.estimate.correlation[np.ix_(wanted, wanted)]
     pairs = [

@@ -72,7 +72,7 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
         skipped["cameras"] = len(document.cameras)
     return SourceMesh(
         group_by_material(placed),
-        (*findings, *_said(document, skipped, unit, subject)),
+        (*findings, *_findings(document, skipped, unit, subject)),
         # The standard's default, Y_UP, when the asset does not say.
         up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
         coloured=coloured,
@@ -190,7 +190,7 @@ def _material(material: Any) -> SurfaceMaterial:
     return replace(out, rgba=(r, g, b, a))
 
 
-def _said(
+def _findings(
     document: Any, skipped: Mapping[str, int], unit: float | None, subject: str
 ) -> Iterator[Finding]:
     if skipped:

@@ -121,7 +121,7 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
         Column(OFFSET, "offset of the action", policy.offset, pose, "its default pose", False),
         Column(SCALE, "action scale", policy.scale, {}),
     ):
-        yield from _told(column, policy, bot)
+        yield from _column_findings(column, policy, bot)
     if policy.step_s is None:
         text = (
             f"it does not state how often it acts; the bundle says every {1e3 * bot.step_s:.4g} ms"
@@ -236,7 +236,7 @@ def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
 # --- numbers --------------------------------------------------------------------------------------
 
 
-def _told(column: Column, policy: Policy, bot: Bot) -> Iterator[Finding]:
+def _column_findings(column: Column, policy: Policy, bot: Bot) -> Iterator[Finding]:
     """What differs, and what slip would explain it."""
     names = [name for name in policy.joints if name in column.values and name in column.reference]
     differ = [n for n in names if not policy.same(column.values[n], column.reference[n])]

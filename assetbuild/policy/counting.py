@@ -32,7 +32,7 @@ class OrdersCheck(SimulatorCheck):
     """What the contract calls the engine's order."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Takes one step, which tells the joints as the engine counts them. StepError."""
+        """Takes one step, which lists the joints as the engine counts them. StepError."""
         control = RobotFiles(files.inputs).control
         fall = drop(control, control.simulation.timestep)
         done = self.perform(files.inputs, [fall])[fall.name]

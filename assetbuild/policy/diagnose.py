@@ -37,9 +37,9 @@ Fault = tuple[str, Policy]
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The hypothesis that does best, and how it did."""
+    """The fault that explains best what the policy did, and the replay with it undone."""
 
-    said: str
+    fault: str
     replay: Replay
 
 

@@ -1,7 +1,7 @@
 """A policy's robot in an engine that reads USD, in that engine's own process: PhysX or Newton.
 
-The engine steps and tells poses; velocities are their differences over the last step, which is what
-an engine that moves by its new velocity has.
+The engine steps and reports poses; velocities are their differences over the last step, as in an
+engine that moves by its new velocity.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class InStages:
             line = self._accepted()
             line.settimeout(STEPS_S)
             self._talk = line.makefile("rw", encoding="utf-8")
-            self._told = self._answer()
+            self._states = self._answer()
             undo.pop_all()
         return self
 
@@ -132,8 +132,8 @@ class InStages:
         return states
 
     def seen(self) -> Seen:
-        """Poses as told, velocities as they changed."""
-        (root, joints), (now, q) = self._told
+        """Poses as the engine reports them; velocities as they changed."""
+        (root, joints), (now, q) = self._states
         place, quat = np.array(now[:3]), np.array(now[3:])
         turn = rotation_of(normalised_quat(tuple(now[3:])))
         before = rotation_of(normalised_quat(tuple(root[3:])))
@@ -152,11 +152,11 @@ class InStages:
         steps = max(1, round(seconds / self._dt))
         self._talk.write(json.dumps({"targets": dict(targets), "steps": steps}) + "\n")
         self._talk.flush()
-        self._told = self._answer()
+        self._states = self._answer()
         self._time += seconds
 
     def strain(self) -> tuple[float, float]:
-        """These engines do not tell."""
+        """These engines do not report it."""
         return float("nan"), float("nan")
 
 

@@ -106,12 +106,12 @@ def runnable(policy: Policy, bot: Bot) -> Network:
 
 def _network_in(folder: Path) -> Path | None:
     """`policy.onnx`, else the only network; UsageError where any of several may be meant."""
-    found = _beside(folder, "policy.onnx") or _beside(folder, "*.onnx")
-    files = sorted(found.parent.glob("*.onnx")) if found else []
-    if found and found.name != "policy.onnx" and len(files) > 1:
+    network = _beside(folder, "policy.onnx") or _beside(folder, "*.onnx")
+    files = sorted(network.parent.glob("*.onnx")) if network else []
+    if network and network.name != "policy.onnx" and len(files) > 1:
         listed = ", ".join(f"`{file.name}`" for file in files)
         raise UsageError(f"`{folder}` holds several networks: {listed}", hint="give one of them")
-    return found
+    return network
 
 
 def _beside(folder: Path, pattern: str) -> Path | None:

@@ -50,8 +50,8 @@ class Replay:
 
     seconds: until it fell or the end; moved: (forward, left) of its start, m. tilt: the largest,
     rad. saturated: share of drives at their limit, mean; slip: speed of feet on the floor, m/s;
-    None where the engine does not tell. is_broken: the network's answer was not finite. moments:
-    states on the way, for pictures.
+    None where the engine does not report them. is_broken: the network's answer was not finite.
+    moments: states on the way, for pictures.
     """
 
     command: tuple[float, ...]
@@ -134,8 +134,8 @@ def replay(
     ended = (
         seconds if seen.time >= seconds - step_s / 2.0 and not _fallen(seen, first) else seen.time
     )
-    told = _told(track, first, tuple(command), seconds, ended)
-    return replace(told, is_broken=not np.isfinite(action).all())
+    played = _replayed(track, first, tuple(command), seconds, ended)
+    return replace(played, is_broken=not np.isfinite(action).all())
 
 
 def _targets(policy: Policy, action: Array) -> dict[str, float]:
@@ -164,7 +164,7 @@ def _yaw(seen: Seen) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def _told(
+def _replayed(
     track: list[tuple[Seen, tuple[float, float]]],
     first: Seen,
     command: tuple[float, ...],

@@ -145,7 +145,7 @@ def _explained(raw: Any, root: Node, model: type[BaseModel]) -> _Problem:  # Any
         what = f"entry {name + 1}" if isinstance(name, int) else f"key `{name}`"
         message, hint = f"missing {what}", meaning(model, reach)
     elif raw["loc"][-1:] == ("[key]",):
-        message, hint = f"not a valid name: {_said(raw)}", ""
+        message, hint = f"not a valid name: {_plain_message(raw)}", ""
     else:
         message, hint = _sentence(raw, raw["type"], key, node, model)
     return _Problem(key, where, message, hint, reach)
@@ -195,7 +195,7 @@ def _sentence(
         hint = f'put it in quotes: "{node.text[:60]}"'
     if kind in _SENTENCES:
         return _SENTENCES[kind].format(found=actual, **raw.get("ctx", {})), hint
-    return _said(raw), hint
+    return _plain_message(raw), hint
 
 
 _CALLED_HERE = {
@@ -211,7 +211,7 @@ def _choice(loc: tuple[str | int, ...]) -> str:
     return tags[0].partition(" ")[2] if tags else ""
 
 
-def _said(raw: Any) -> str:  # Any: as above
+def _plain_message(raw: Any) -> str:  # Any: as above
     """A validator's own words, or pydantic's, as the tail of a sentence."""
     if raw["type"] == "value_error":
         return str(raw["ctx"]["error"])

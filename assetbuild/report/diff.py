@@ -171,13 +171,13 @@ def _compared(before: Form, after: Form, *, same: bool) -> list[Difference]:
     if same:
         return differences(old, new, precision)
 
-    def said(key: Key) -> bool:
+    def both_hold(key: Key) -> bool:
         return not key.is_foreign and before.holds(key) and after.holds(key)
 
     stated = [{(k.kind, k.quantity) for k in table.facts} for table in (old, new)]
     kinds = (stated[0] & stated[1]) | {pair for pair in stated[0] ^ stated[1] if _counts(*pair)}
     old, new = (
-        t.only(lambda key: said(key) and (key.kind, key.quantity) in kinds) for t in (old, new)
+        t.only(lambda key: both_hold(key) and (key.kind, key.quantity) in kinds) for t in (old, new)
     )
     return [
         item
@@ -296,7 +296,7 @@ def _files(
         if old is None or new is None:
             file_changes.append(Change("LOW", (f"file {path}",), "exists", *_exists(new is None)))
             continue
-        rows = [*_told(path, before.folder, after.folder, "MEDIUM" if behind else "LOW")]
+        rows = [*_content_changes(path, before.folder, after.folder, "MEDIUM" if behind else "LOW")]
         if not rows:
             rewritten.append(path)
         file_changes += rows[:SHOWN_LINES]
@@ -306,11 +306,11 @@ def _files(
     alone = not file_changes and not rewritten and not telling
     derived = [p for p in DERIVED if before.digests.get(p) != after.digests.get(p)]
     if alone and "manifest.json" in derived:
-        file_changes += _told("manifest.json", before.folder, after.folder, "LOW")
+        file_changes += _content_changes("manifest.json", before.folder, after.folder, "LOW")
     return file_changes, (*rewritten, *(derived if alone and not file_changes else ()))
 
 
-def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
+def _content_changes(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
     """What two files say otherwise; nothing where both mean the same."""
     try:
         rows = rows_of(before / path, after / path, stages_of(before, path))

@@ -209,7 +209,7 @@ def _match(
     free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
     left = [name for name in free if name not in by_joint and name not in driven]
     with wrong:
-        if left and not wrong.found:  # an idle row was meant for them
+        if left and not wrong.gathered:  # an idle row was meant for them
             raise RowError(
                 f"actuators: no row matches {_listed(left)}",
                 key=("actuators",),

@@ -56,7 +56,7 @@ class Contact(Model):
 
 @unstated
 class Surface(Contact):
-    """What differs on some links; what is not said is as on all others."""
+    """What differs on some links; what is not stated is as on all others."""
 
 
 class Contacts(Contact):

@@ -102,13 +102,13 @@ def mirror_findings(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
     """All that two twins differ in by more than allowed, right against left."""
     for left, right in twins.pairs:
         one, other = left.joint, right.joint
-        found = [(f"link {right.name}", left.name, _masses(left, right, twins.flip, allowed))]
+        compared = [(f"link {right.name}", left.name, _masses(left, right, twins.flip, allowed))]
         if one and other and unit_of(one) == unit_of(other):
             motions = _motions(left, one, right, other, twins.flip, allowed)
-            found.append((f"joint {other.name}", one.name, motions))
+            compared.append((f"joint {other.name}", one.name, motions))
             drives = _drives(left, one.name, right, allowed)
-            found.append((f"actuator {other.name}", one.name, drives))
-        for subject, twin, differences in found:
+            compared.append((f"actuator {other.name}", one.name, drives))
+        for subject, twin, differences in compared:
             for rule, message, hint, data, slip in differences:
                 severity: Severity = "warning" if slip else "info"
                 data = {**data, "other": twin}
@@ -132,9 +132,9 @@ def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterat
         hint = "is a sign wrong, or the same part on both sides? `edits: set_inertia` corrects it"
         yield CENTER, message, hint, {"distance_m": away}, False
     wanted = flip @ matrix_of(one.inertia_com_kg_m2) @ flip
-    found = matrix_of(other.inertia_com_kg_m2)
-    low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (found, wanted))
-    difference = float(np.linalg.norm(wanted - found)) / (high or 1.0)
+    actual = matrix_of(other.inertia_com_kg_m2)
+    low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (actual, wanted))
+    difference = float(np.linalg.norm(wanted - actual)) / (high or 1.0)
     if difference > allowed.inertia:
         message = (
             f"its inertia (largest {_largest(other):.3g} kg m²) is {difference:.0%} off the mirror "

@@ -132,7 +132,7 @@ _BRAKES = ("damping", "armature", "frictionloss")
 
 
 def lost_motion(items: Iterable[MjcfOnly]) -> dict[str, tuple[str, ...]]:
-    """What is lost in words, with the names of the things that it is said of."""
+    """What is lost in words, with the names of the things that it concerns."""
     lost: dict[str, list[str]] = {}
     for item in items:
         element = parsed(item)

@@ -1,7 +1,7 @@
 """The MJCF for MJX and mujoco_warp: the same robot, with what is cheap on a GPU.
 
-Bodies, joints, coordinates, drives, sensors and keyframes are those of `<robot>.xml`. What differs
-is said in the recipe under `mjx`: solver options, which links touch anything, whether parts of the
+Bodies, joints, coordinates, drives, sensors and keyframes are those of `<robot>.xml`. The recipe
+states under `mjx` what differs: solver options, which links touch anything, whether parts of the
 robot touch one another (else masks let only the world meet it), how many dimensions a contact and
 how many corners a hull has.
 `mjx_pairs` proves that both engines know every pair that is left.

@@ -183,7 +183,7 @@ def evaluate(policy: Path, bundle: Path) -> tuple[str, str]:
         return "check", found[0].message
     done = replay_policy(policy, bundle, Wish(command=COMMAND), lambda line: None)
     if done.diagnosis is not None:
-        return "replay", done.diagnosis.said
+        return "replay", done.diagnosis.fault
     return "", "; ".join(run.verdict for run in done.runs.values())
 
 

@@ -385,7 +385,7 @@ def test_threads_that_ask_at_once_have_one_answer(package):
     package.look()
     step = sys.modules[f"{package.name}.weigh"].Weigh
     for _ in range(5):
-        libraries_module._said.cache_clear()
+        libraries_module._metadata_text.cache_clear()
         code = Code()
         with ThreadPoolExecutor(8) as pool:
             found = list(pool.map(lambda _: code.of(step), range(8)))  # noqa: B023

@@ -102,7 +102,7 @@ def test_the_fault_is_named_with_both_scores(
 ):
     done = replayed(bot, tmp_path / "p", spoil)
     assert done.runs["mujoco"].fell and done.searched
-    assert done.diagnosis is not None and words in done.diagnosis.said
+    assert done.diagnosis is not None and words in done.diagnosis.fault
     assert done.diagnosis.replay.follows
     assert done.diagnosis.replay.score > done.runs["mujoco"].score + 0.25
 

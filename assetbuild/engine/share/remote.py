@@ -227,7 +227,7 @@ class Remote:
 
     @contextmanager
     def _tolerant(self, what: str) -> Iterator[None]:
-        """A fault of the server ends what is done here; it is counted, and the first one told."""
+        """A fault of the server ends what is done here; all are counted, the first is reported."""
         began = time.monotonic()
         try:
             yield

@@ -125,7 +125,7 @@ def _compiled(root: Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[s
         try:
             model = mj.MjModel.from_xml_string(text, dict(files))
         except ValueError as error:
-            raise _told(str(error), text, root) from None
+            raise _refusal(str(error), text, root) from None
     return model, tuple(" ".join(line.split()) for line in warnings)
 
 
@@ -138,7 +138,7 @@ def _without_number(root: Element) -> SourceError | None:
     return None
 
 
-def _told(message: str, text: str, root: Element) -> SourceError:
+def _refusal(message: str, text: str, root: Element) -> SourceError:
     """MuJoCo's complaint with the line of the source instead of that of our text."""
     from lxml import etree
 

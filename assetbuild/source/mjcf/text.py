@@ -129,13 +129,13 @@ class Classes:
     """The default classes: what an element says together with the classes that speak for it."""
 
     def __init__(self, root: Element) -> None:
-        self._said: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        self._stated: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for top in root.iterchildren("default"):
             self._add(top, top.get("class", "main"), {})
 
     def _add(self, node: Element, name: str, inherited: dict[str, dict[str, str]]) -> None:
         """Add a class, and those inside of it."""
-        defaults = self._said.setdefault(name, {})
+        defaults = self._stated.setdefault(name, {})
         for tag, attributes in inherited.items():
             defaults[tag] = {**attributes, **defaults.get(tag, {})}
         for child in node.iterchildren("*"):
@@ -156,8 +156,8 @@ class Classes:
             default_tag = "equality"
         around = (one.get("childclass") for one in element.iterancestors(*SPATIAL))
         name = element.get("class") or next(filter(None, around), "main")
-        if name not in self._said:
+        if name not in self._stated:
             raise error_at(element, f"no default class `{name}`")
-        defaults = self._said[name].get(default_tag, {}) if default_tag else {}
+        defaults = self._stated[name].get(default_tag, {}) if default_tag else {}
         stated = own_attributes(element).items()
         return defaults | {key: value for key, value in stated if key not in ("class", "name")}

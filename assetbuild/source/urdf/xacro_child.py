@@ -106,7 +106,7 @@ def _run(job: dict[str, Any]) -> dict[str, object]:  # Any: JSON
         xacro.process_doc(document, mappings=dict(job["args"]))
         text = document.toprettyxml(indent="  ")
     except Exception as error:
-        return _told(error, guard) | _stacks(guard)
+        return _error_data(error, guard) | _stacks(guard)
     if guard.refused:  # and excused by xacro, as in an optional include
         return {"error": guard.refused[0]} | _stacks(guard)
     used = {"files": _read_by(guard), "packages": sorted(guard.packages)}
@@ -182,7 +182,7 @@ def _read_by(guard: Guard) -> list[str]:
     return sorted(path for path in guard.used if os.path.isfile(path))  # noqa: PTH113
 
 
-def _told(error: Exception, guard: Guard) -> dict[str, object]:
+def _error_data(error: Exception, guard: Guard) -> dict[str, object]:
     """An exception as plain data: message, and the line where one is known."""
     cause = _innermost(error)
     line = int(getattr(cause, "lineno", 0) or 0)

@@ -55,28 +55,29 @@ def main():
 
         add_launcher_args(parser)
         parser.add_argument("--physics", default="physx", help="physx, ovphysx or newton_mjwarp")
-        said = parser.parse_args()
-        with launch_simulation(PhysicsCfg(), said) as physics:
+        arguments = parser.parse_args()
+        with launch_simulation(PhysicsCfg(), arguments) as physics:
             from {module}_isaaclab_3 import {upper}_CFG, NEWTON_CFG, SIMULATION_CFG
 
-            physics = NEWTON_CFG if said.physics == "newton_mjwarp" else physics
-            simulation = SIMULATION_CFG.replace(physics=physics, device=said.device)
-            write(measure({upper}_CFG, simulation), f"Isaac Lab 3, {{said.physics}}", said.output)
+            physics = NEWTON_CFG if arguments.physics == "newton_mjwarp" else physics
+            simulation = SIMULATION_CFG.replace(physics=physics, device=arguments.device)
+            simulator = f"Isaac Lab 3, {{arguments.physics}}"
+            write(measure({upper}_CFG, simulation), simulator, arguments.output)
     else:
         from isaaclab.app import AppLauncher
 
         AppLauncher.add_app_launcher_args(parser)
-        said = parser.parse_args()
-        app = AppLauncher(said).app  # the rest can be imported only now
+        arguments = parser.parse_args()
+        app = AppLauncher(arguments).app  # the rest can be imported only now
         from {module}_isaaclab_2 import {upper}_CFG, SIMULATION_CFG
 
-        write(measure({upper}_CFG, SIMULATION_CFG), "Isaac Lab 2", said.output)
+        write(measure({upper}_CFG, SIMULATION_CFG), "Isaac Lab 2", arguments.output)
         app.close()
 
 
-def write(told, simulator, file):
-    told["simulator"] = simulator
-    file.write_text(json.dumps(told, indent=1) + "\\n", encoding="utf-8")
+def write(readings, simulator, file):
+    readings["simulator"] = simulator
+    file.write_text(json.dumps(readings, indent=1) + "\\n", encoding="utf-8")
     print(f"written: {{file}}\\nnext: assetbuild diff BUNDLE {{file}}")
 
 
@@ -138,7 +139,7 @@ def height(robot):
 
 def drives(robot):
     """Return what drives hold, by joint; Isaac Lab 3 lets Newton compute explicit ones."""
-    found = {{}}
+    limits = {{}}
     for name, group in robot.actuators.items():
         if hasattr(group, "stiffness"):
             joints = group.joint_names
@@ -147,7 +148,7 @@ def drives(robot):
                 limits = numbers(robot.data.joint_effort_limits)
                 for joint, limit in zip(robot.joint_names, limits):
                     if joint in joints:
-                        found.setdefault(joint, {{}})["effort"] = limit
+                        limits.setdefault(joint, {{}})["effort"] = limit
             else:
                 columns["effort"] = group.effort_limit
         else:
@@ -155,8 +156,8 @@ def drives(robot):
             columns = dict(in_newton(robot, name))
         for word, values in columns.items():
             for joint, value in zip(joints, numbers(values)):
-                found.setdefault(joint, {{}})[word] = value
-    return found
+                limits.setdefault(joint, {{}})[word] = value
+    return limits
 
 
 def in_newton(robot, name):

@@ -1,4 +1,4 @@
-"""Default classes found in the data: what elements share is said once.
+"""Default classes found in the data: what elements share is stated once.
 
 Only what *every* member says is lifted, so a class never has to be contradicted; but for what
 every member has (the axis of a joint, the type of a geom): there the class says that of most.
@@ -55,8 +55,8 @@ class DefaultClass:
         inside = joined(above or {}, self.adds)
         uses = {}
         for row in self.rows:
-            said = row.attributes.items()
-            left = {tag: _beyond(attributes, inside.get(tag, {})) for tag, attributes in said}
+            stated = row.attributes.items()
+            left = {tag: _beyond(attributes, inside.get(tag, {})) for tag, attributes in stated}
             uses[row.name] = Use(self.name, left)
         for child in self.children:
             uses |= child.uses(inside)

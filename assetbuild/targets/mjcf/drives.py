@@ -216,7 +216,7 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     """
     axis = {"joint": usual(rows, "joint", "axis")}
     adds = joined(axis, shared(rows, axis))
-    by_motor = grouped(rows, lambda row: (row.motor, row.drive, _said(row, placing=False)))
+    by_motor = grouped(rows, lambda row: (row.motor, row.drive, _stated(row, placing=False)))
     motors = [_motor_class(group, adds, names) for group in by_motor.values()]
     return class_of(robot, adds, rows, [motor for motor in motors if motor is not None])
 
@@ -227,7 +227,7 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     inside = joined(above, adds)
     families = [
         (group, attributes)
-        for group in grouped(rows, partial(_said, placing=True)).values()
+        for group in grouped(rows, partial(_stated, placing=True)).values()
         if len(group) >= FAMILY_MEMBERS and (attributes := shared(group, inside))
     ]
     if not adds and not families:
@@ -242,7 +242,7 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     return class_of(name, adds, rows, children)
 
 
-def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
+def _stated(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
     """(tag, attribute, value) of all that says where the joint is, or of all that does not."""
     return frozenset(
         (tag, key, value)

@@ -49,7 +49,7 @@ class GeomRow(Row):
     link: str
 
     @property
-    def said(self) -> Mapping[str, str]:
+    def stated(self) -> Mapping[str, str]:
         """The attributes of the geom."""
         return self.attributes["geom"]
 
@@ -98,8 +98,8 @@ def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> 
         attributes["material"] = shape.material or None
     else:
         attributes |= _surface(contact, above)
-    said = {key: value for key, value in attributes.items() if value is not None}
-    return GeomRow(shape.name, {"geom": said}, shape.link)
+    stated = {key: value for key, value in attributes.items() if value is not None}
+    return GeomRow(shape.name, {"geom": stated}, shape.link)
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:
@@ -157,16 +157,16 @@ def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, s
 
 def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """What the surface says that not all say."""
-    items = {item for item in row.said.items() - common.items() if item[0] in _SURFACE}
+    items = {item for item in row.stated.items() - common.items() if item[0] in _SURFACE}
     return frozenset(items) or None
 
 
 def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:
-    items = {item for item in row.said.items() - common.items() if item[0] not in _PLACE}
+    items = {item for item in row.stated.items() - common.items() if item[0] not in _PLACE}
     return frozenset(items) if "size" in dict(items) else None
 
 
 def _by_place(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """The pieces of one link that stand in one place of its body, which is not the origin."""
-    place = {item for item in row.said.items() - common.items() if item[0] in _PLACE}
+    place = {item for item in row.stated.items() - common.items() if item[0] in _PLACE}
     return (row.link, frozenset(place)) if place else None
