@@ -109,7 +109,7 @@ ALIKE = 0.75
 
 
 ALIKE_STEM = 0.5
-"""The same of the names of files without their endings, such as `arm` and `arn`."""
+"""The share from which on the name of a file, without its ending, counts as misspelt."""
 
 
 class Gather:

@@ -304,7 +304,7 @@ class _Mujoco:
                 yield _matrix(self.data.site(name))
 
     def matter(self) -> Matter:
-        """The same three, of MuJoCo's composite of all bodies."""
+        """Mass, centre of mass and inertia of MuJoCo's composite of all bodies."""
         xx, yy, zz, xy, xz, yz = self.data.crb[1][:6]
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         total = float(self.model.body_subtreemass[0])

@@ -132,7 +132,7 @@ def _origins(tables: Mapping[Key, Table]) -> dict[Key, tuple[LoadedRecipe, Key]]
 
 
 def _replaced(of: Any, values: Mapping[Key, Any]) -> Any:  # Any: a model, or a map of models
-    """The same with other values at some keys."""
+    """A copy of a model, or of a map of models, with other values at some keys."""
     update = {}
     for head in dict.fromkeys(key[0] for key in values):
         below = {key[1:]: value for key, value in values.items() if key[0] == head}

@@ -111,7 +111,7 @@ class Row(Generic[Value]):
         return listed(self.names)
 
     def without(self, taken: Collection[str]) -> Row[Value]:
-        """The same of fewer names."""
+        """The row without the names that are taken."""
         return replace(self, names=tuple(name for name in self.names if name not in taken))
 
 

@@ -59,7 +59,7 @@ class Step(BaseModel):
     version: ClassVar[str] = ""
     """Plug-ins for assetbuild 0.1 state it. It decides nothing: the key holds their code."""
     tools: ClassVar[tuple[str, ...]] = ()
-    """As above: libraries, which the key now finds by the imports; those named here count too."""
+    """Libraries that plug-ins for assetbuild 0.1 state; they count beside the imported ones."""
     outputs: ClassVar[tuple[str, ...]] = ()
     """Files to write; one that ends in a slash is a folder whose content the data decide."""
     isolated: ClassVar[bool] = False

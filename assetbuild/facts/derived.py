@@ -57,7 +57,7 @@ def springs_of(control: Control) -> dict[str, tuple[float, float]]:
 
 
 def free_springs(control: Control) -> dict[str, tuple[float, float]]:
-    """The same of joints without a drive: an engine without springs holds them by one."""
+    """The linear springs of undriven joints: an engine without springs holds these by a drive."""
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: spring for name, spring in springs_of(control).items() if name not in driven}
 

@@ -33,7 +33,7 @@ ALONE = (
      "solimp_fri springyield"),
     ("pair", "contact pair", "dim solref solreffriction solimp margin gap friction adhesion"),
 )  # fmt: skip
-"""As above, of what the vocabulary does not know."""
+"""The same three of elements that the vocabulary does not know."""
 OPTION = (
     "density viscosity wind magnetic disableflags enableflags disableactuator noslip_iterations "
     "noslip_tolerance o_margin o_solref o_solimp o_friction ls_tolerance jacobian"

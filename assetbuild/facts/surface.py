@@ -113,7 +113,7 @@ def pixel_digest(file: Path) -> str:
 
 
 def pixels_of(data: bytes) -> str:
-    """The same of the bytes of a picture."""
+    """The digest of the size and the RGBA pixels in the bytes of a picture; "" of no picture."""
     from PIL import Image, UnidentifiedImageError
 
     try:

@@ -107,7 +107,7 @@ class Table:
         return Table(kept, self.places)
 
     def plain(self) -> Table:
-        """The same of a file that may state anything: every value as `plain_value` has it."""
+        """The table of a file that may state anything, with every value made plain."""
         return Table({key: plain_value(value) for key, value in self.facts.items()}, self.places)
 
     def __or__(self, other: Table) -> Table:

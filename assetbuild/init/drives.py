@@ -30,7 +30,7 @@ from assetbuild.robot.tree import unit_of
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
 LEAST_ERROR = {"rad": 0.03, "m": 0.002}
-"""The same of a drive that is weak for what it moves: a stiffer one is a switch."""
+"""The error at which a drive that is weak for its load gives all: a stiffer one is a switch."""
 FULL_SLIP = 1.0
 """rad/s: error of its speed at which the drive of a wheel gives all its effort."""
 SAG = {"rad": 0.05, "m": 0.005}
@@ -42,7 +42,7 @@ FIRM = 2.0
 """Times the stiffness at which a robot on two legs would just tip over: see `_tipping`."""
 TABLE = 3
 FASTEST_LEG_HZ = 6.0
-"""The same of a standing leg under its share of the robot: stiffer ones bounce."""
+"""Highest frequency of a standing leg under its share of the robot: stiffer ones bounce."""
 USUAL_HZ = 8.0
 """Where a row states a frequency."""
 DAMPING_RATIO = 0.7
@@ -55,7 +55,7 @@ TWINS = 1.1
 CLASSES = 2
 """More classes of inertia than this get a frequency instead."""
 MOST_DAMPED_LEG = 9.0
-"""The same of a leg's joint, in the air: there an ankle moves a foot, on the ground the robot."""
+"""Highest ratio of a leg in the air: there an ankle moves a foot, on the ground the robot."""
 STUCK = 0.3
 """Share of the effort that a joint may lose to dry friction."""
 STEP_S = 0.005

@@ -63,7 +63,7 @@ BEYOND_MEANING = 1000.0
 example-robot-data that state efforts of their own, the median is 1.4 and none but placeholders is
 above 130."""
 PLACEHOLDER = 100.0
-"""The same of a number that looks like a placeholder: from ROUND on, or stated by all joints."""
+"""The limit for a number that looks like a placeholder: from ROUND on, or stated by all joints."""
 MOTOR = 5.0
 """Times what the most loaded joint needs: a motor of less is its own, and may be all joints'."""
 WEAK_POSES = 0.5

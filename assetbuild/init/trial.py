@@ -186,7 +186,7 @@ class Stage:
         return mujoco.load(self.ports.folder / "mjcf" / "scene.xml", visuals=False).model
 
     def _on_soles(self, model: mujoco.Model) -> mujoco.Model:
-        """The same with no other link of the robot that touches anything."""
+        """A copy of the model in which nothing but the soles touches anything."""
         soles = {shape.name for shape in self.shapes.shapes if shape.link in self.soles}
         alone = mujoco.without(model)
         for geom in mujoco.collision_geoms(model):

@@ -135,7 +135,7 @@ class LoadedRecipe:
         return {row.as_: part for row, part in zip(rows, self.parts, strict=True)}
 
     def but(self, **sections: object) -> LoadedRecipe:
-        """The same with other values of these sections."""
+        """A copy of the recipe with other values of these sections."""
         return replace(self, recipe=self.recipe.model_copy(update=sections))
 
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:

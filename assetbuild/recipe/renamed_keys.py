@@ -38,7 +38,7 @@ def with_new_keys(root: Node) -> tuple[Node, tuple[Finding, ...]]:
 
 
 def _with_new_keys(node: Node, path: tuple[str, ...], findings: list[Finding]) -> Node:
-    """The same below `path`, of which an item of a list is `*`."""
+    """The tree below `path` with today's names; `*` in a path stands for an item of a list."""
     if isinstance(node.value, tuple):
         items = (_with_new_keys(item, (*path, "*"), findings) for item in node.value)
         return replace(node, value=tuple(items))

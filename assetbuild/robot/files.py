@@ -56,7 +56,7 @@ class RobotFiles:
     shapes = _stored(Shapes, "shapes.json")
     """Visual and collision shapes with their materials, as `assemble` writes them."""
     source_shapes = _stored(SourceShapes, "shapes.json")
-    """The same as the source describes them, which is what stands there before `assemble`."""
+    """The shapes that the source describes, which stand in that file before `assemble`."""
     control = _stored(Control, "control.json")
     """Actuators, keyframes, contact and sensors."""
     ratings = _stored(Control, "ratings.json")

@@ -142,7 +142,7 @@ def lost_motion(items: Iterable[MjcfOnly]) -> dict[str, tuple[str, ...]]:
 
 
 def lost_in_usd(items: Sequence[MjcfOnly]) -> dict[str, tuple[str, ...]]:
-    """The same as `lost_motion` without bodies that gravity does not pull, which PhysX knows."""
+    """What `lost_motion` lists, without bodies that gravity does not pull, which PhysX knows."""
     weightless = whole_gravity(items)
     return lost_motion(i for i in items if i.place != "body" or i.owner not in weightless)
 

@@ -150,7 +150,7 @@ class Shapes:
 
     @property
     def all_coloured(self) -> Shapes:
-        """The same with a grey material, MuJoCo's, for each visual shape that has none.
+        """The shapes with MuJoCo's grey material on each visual shape that has none.
 
         For formats in which a shape without a material looks different in every program.
         """

@@ -61,7 +61,7 @@ class UsdArticulation(Model):
     stabilization_threshold: NonNegative = Field(0.0, description="m2/s2; 0 = no extra damping")
 
     def solving(self, loops: Sized) -> Self:
-        """The same with the velocity iterations that a robot with these loops gets."""
+        """The options with the velocity iterations that a robot with these loops gets."""
         if self.solver_velocity_iterations is not None:
             return self
         iterations = OF_LOOPS if len(loops) else OF_TREES

@@ -34,7 +34,7 @@ DRIVES: Mapping[str, tuple[str, frozenset[str]]] = {
 }
 """mjlab's actuators -> model of the table, and the quantities that they state of a joint."""
 STATED = dict(DRIVES.values())
-"""The same by model; other drives mjlab does not have."""
+"""Model of the table -> those quantities; mjlab has no other drives."""
 FIELDS = {
     "stiffness": "kp",
     "damping": "kd",

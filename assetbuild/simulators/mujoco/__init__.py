@@ -278,13 +278,13 @@ def first_command(model: Model, actuator: int) -> int:
 
 
 def turning(model: Model) -> list[int]:
-    """Hinges and slides."""
+    """Return the numbers of all hinges and slides."""
     kinds = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
     return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
 
 
 def joints(model: Model) -> dict[str, int]:
-    """The same by name."""
+    """Return the numbers of all hinges and slides by name."""
     return {name_of(model, "joint", joint): joint for joint in turning(model)}
 
 
@@ -304,13 +304,13 @@ def raise_base(model: Model, data: Data, height_m: float) -> None:
 
 
 def hold_base(model: Model) -> None:
-    """A floating base with the inertia of a hill, of a model that may be changed: see `HELD_KG`."""
+    """Give a floating base the inertia of a hill, in a model that may be changed: see `HELD_KG`."""
     free = np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE)
     model.dof_armature[np.isin(model.dof_jntid, free)] = HELD_KG
 
 
 def held_but(model: Model, joints: Collection[int]) -> None:
-    """Likewise hold everything still but these hinges and slides."""
+    """Give everything but these hinges and slides that inertia, so that it stands still."""
     model.dof_armature[~np.isin(model.dof_jntid, [*joints])] = HELD_KG
 
 

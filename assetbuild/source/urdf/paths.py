@@ -72,7 +72,7 @@ class Paths:
         return kind, assumption, normal
 
     def _followed(self, node: Node, uri: str) -> tuple[str, str, str]:
-        """The same as `_meaning`, not normalised."""
+        """(kind, how it was taken, path), before the path is normalised."""
         match = _SCHEME.match(uri)
         scheme = match[1] if match else ""
         if scheme in ("package", "model"):
