@@ -34,8 +34,8 @@ DISTANCE_WEIGHT = 15.0
 """Weight of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
 SAMPLES = 1024
 """Points of the surface that the mean distance is taken from."""
-SHRUNK = 0.9
-"""Sizes / those of the enclosing body with which a part starts."""
+SHRUNK = (1.0, 0.95, 0.9, 0.85, 0.8)
+"""Sizes / those of the enclosing body that are tried for a part on its own."""
 STUBBY = 2.0
 """Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
 
@@ -134,15 +134,16 @@ def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
 
 
 def _best_for(part: TriangleMesh, kinds: Sequence[type[Primitive]]) -> Fitted:
-    """The enclosing primitive of each kind, shrunk; the best of all.
+    """The enclosing primitive of each kind, shrunk to the part's volume; the best of all.
 
     Its axis is one of the candidates: all are turned together afterwards.
     """
     reference = Reference(part)
     cloud = Cloud(reference)
     fits = (
-        (resized(type(primitive), SHRUNK * np.asarray(sizes_of(primitive))), pose)
+        (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
         for primitive, pose in enclosing_each(reference, kinds, rough=True)
+        for factor in SHRUNK
     )
     return first_best(fits, lambda fitted: cloud.score([fitted]))
 
