@@ -21,7 +21,7 @@ from assetbuild.engine.digest import canonical_json, digest_bytes, replace_file
 
 JOURNAL_FORMAT = 4
 SHOWN_CHARACTERS = 60
-"""Of a value in a sentence."""
+"""Longer values are cut in a sentence."""
 TORN = (ValueError, LookupError, TypeError, AttributeError, RecursionError, zlib.error)
 """What a file that is torn or foreign can cause."""
 

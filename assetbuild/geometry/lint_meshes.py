@@ -143,15 +143,15 @@ def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, ConvertedMesh]) -> froz
     The shapes beside a mesh decide for it. Else it follows the other meshes of its format, since
     one exporter wrote them, where most agree; what its own joints and mass say comes after that.
     """
-    said = [
+    directions = [
         (vote, path, 1 if vote.is_better != doubted[path].turned else -1)
         for vote in votes
         for path in vote.paths
     ]
     wrong = set()
     for path, record in doubted.items():
-        sure = [(v.by, says) for v, named, says in said if named == path and v.is_sure]
-        alike = [says for _, named, says in said if format_of(named) == format_of(path)]
+        sure = [(v.by, says) for v, named, says in directions if named == path and v.is_sure]
+        alike = [says for _, named, says in directions if format_of(named) == format_of(path)]
         shown = sum(says for by, says in sure if by == SHAPE)
         most = sum(alike) if abs(sum(alike)) > AGREED * len(alike) else 0
         balance = shown or most or sum(says for _, says in sure) or sum(alike)
@@ -175,8 +175,8 @@ def _votes(
             if standing.path is not None and record is not None:
                 doubted[standing.path] = record
     asked = ((body, role) for body in tree.bodies for role in get_args(Role))
-    said = (_vote(body, role, tree, by_link.get(body.name, [])) for body, role in asked)
-    return [vote for vote in said if vote is not None], doubted
+    votes = (_vote(body, role, tree, by_link.get(body.name, [])) for body, role in asked)
+    return [vote for vote in votes if vote is not None], doubted
 
 
 def _standing(shape: SourceShape, record: ConvertedMesh | None) -> _Standing | None:

@@ -190,7 +190,7 @@ class InspectedRobot:
         """
         (ports.folder / "meshes").mkdir()
         of_links = [[shape for shape in self.shapes.shapes if shape.link == link] for link in links]
-        used = (s for all in of_links for s in [s for s in all if s.role == "collision"] or all)
+        used = (s for own in of_links for s in [s for s in own if s.role == "collision"] or own)
         shapes, assets = [], []
         for index, shape in enumerate(used):
             name, source = f"shape_{index}", shape.geometry

@@ -315,7 +315,7 @@ def _driven_joints(tree: Tree, control: Control, tuning: Tuning | None) -> Colle
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         return tree.by_joint
     driven = {row.joint for row in control.actuators if row.model != "passive"}
-    return driven | tuning.driven if tuning else driven
+    return driven if tuning is None else driven | tuning.driven
 
 
 def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None:

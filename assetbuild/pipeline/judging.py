@@ -237,7 +237,7 @@ UNSTATED = Rule(
 NO_DERIVATIVES = Rule(
     "license.no_derivatives",
     "warning",
-    "the licence (CC ...-ND) forbids to pass on what was made from the work: converted meshes, an "
+    "the licence (CC ...-ND) forbids passing on what was made from the work: converted meshes, an "
     "edited URDF",
     "keep the bundle to yourself, or ask the rights holder",
 )
@@ -250,7 +250,7 @@ NON_COMMERCIAL = Rule(
 SHARE_ALIKE = Rule(
     "license.share_alike",
     "info",
-    "the licence (CC ...-SA) asks that what was made from the work is passed on under the same "
+    "the licence (CC ...-SA) asks that what was made from the work be passed on under the same "
     "licence",
     "pass the bundle on under that licence",
 )
@@ -272,7 +272,7 @@ def licence_findings(license_id: str | None, texts: int) -> Iterator[Finding]:
         first, *terms = word.upper().split("-")
         for term, rule in _TERMS.items():
             if first == "CC" and term in terms:
-                message = rule.meaning.replace(f"the licence (CC ...-{term})", word)
+                message = f"{word}: {rule.meaning}"
                 yield rule("recipe source.license", message, data={"license": word})
     if not texts:
         yield NO_TEXT("recipe source", NO_TEXT.meaning)

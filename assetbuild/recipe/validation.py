@@ -123,7 +123,7 @@ class _Problem:
 
 def _found(raw: Any, root: Node) -> tuple[Key, Node, Where]:  # Any: as above
     """What an error of pydantic is about, and where that stands."""
-    # The forms of a map are told apart by its key `method`.
+    # The key `method` decides which form of a map is meant.
     chosen = ("method",) if raw["type"] == "union_tag_invalid" else ()
     key, node, where = follow(root, (*raw["loc"], *chosen), has_tags=True)
     whole = isinstance(node.value, dict | tuple) or node.value is None

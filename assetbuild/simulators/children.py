@@ -49,7 +49,7 @@ def run(
     seconds: float,
     variables: Mapping[str, str] = MappingProxyType({}),
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run a program in a folder; one that takes too long fails with these words as its last."""
+    """Run a program in a folder; one that takes too long fails, and its last line says so."""
     try:
         return subprocess.run(
             command,
@@ -60,8 +60,8 @@ def run(
             timeout=seconds,
         )
     except subprocess.TimeoutExpired:
-        said = f"it took more than {seconds:g} s and was stopped"
-        return subprocess.CompletedProcess(command, 1, b"", said.encode())
+        why = f"it took more than {seconds:g} s and was stopped"
+        return subprocess.CompletedProcess(command, 1, b"", why.encode())
 
 
 def environment(variables: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
