@@ -89,13 +89,13 @@ def test_an_argument_that_the_robot_does_not_have_is_refused(packages: Path):
     assert raised.value.hint == "did you mean `effort`?"
 
 
-def test_an_argument_without_a_default_is_asked_for(packages: Path):
+def test_arguments_without_a_default_are_all_asked_for_at_once(packages: Path):
     main_file = packages / "ws/bot/urdf/bot.urdf.xacro"
-    main_file.write_text(MAIN.replace("name='bot'", "name='$(arg model)'"))
-    with pytest.raises(SourceError, match="Undefined substitution argument") as raised:
+    main_file.write_text(MAIN.replace("name='bot'", "name='$(arg model)$(arg side)'"))
+    with pytest.raises(SourceError, match="Undefined substitution argument model") as raised:
         initialised(packages)
-    assert "`--arg` of `init`" in raised.value.hint
-    assert initialised(packages, model="two").recipe.robot == "two"
+    assert raised.value.hint.endswith("`--arg` of `init`; it also needs `side`")
+    assert initialised(packages, model="two", side="s").recipe.robot == "twos"
 
 
 def test_arguments_are_for_a_xacro(robots: Path):

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from assetbuild.engine.confine import bare_environment
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import SourceError, Where, did_you_mean, nearest
+from assetbuild.errors import SourceError, Where, did_you_mean, nearest, quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.lfs import refuse_pointer
 
@@ -124,7 +124,7 @@ class ExpandXacro(Step):
 
     def _unknown(self, tree: Path, used: Iterable[str]) -> Iterator[tuple[str, str]]:
         """The arguments that no file declares or uses, each with the name that may be meant."""
-        text = "\n".join((tree / name).read_text("utf-8", "replace") for name in used)
+        text = _text_of(tree, used)
         named = {*_DECLARED.findall(text), *_USED.findall(text)}
         for name in self.args:
             if name not in named and not any("$" in other for other in named):
@@ -193,7 +193,17 @@ class ExpandXacro(Step):
                     lies = f"does the package `{name}` lie in `{base.rstrip('/') or '.'}`?"
                     return f"{lies} correct `source.packages`"
             return f"did you mean `{meant}`? correct the file, or state `source.patches`"
-        return GIVE if "Undefined substitution argument" in message else ""
+        if "Undefined substitution argument" in message:
+            text = _text_of(tree, answer.get("read", ()))
+            known = {*self.args, *_DECLARED.findall(text), *message.split()}
+            others = [name for name in dict.fromkeys(_USED.findall(text)) if name not in known]
+            return f"{GIVE}{f'; it also needs {quoted(others, 20)}' if others else ''}"
+        return ""
+
+
+def _text_of(tree: Path, names: Iterable[str]) -> str:
+    """Several files, one after the other."""
+    return "\n".join((tree / name).read_text("utf-8", "replace") for name in names)
 
 
 def _line_of(asked: str, file: Path) -> int:
