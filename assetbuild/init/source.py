@@ -16,9 +16,8 @@ from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.engine.world import World
-from assetbuild.errors import SourceError, UsageError, Where, nearest
+from assetbuild.errors import SourceError, UsageError, Where, nearest, quoted
 from assetbuild.findings import Finding
-from assetbuild.init.draft import some
 from assetbuild.init.packages import (
     above,
     absolute_folders,
@@ -306,13 +305,13 @@ def _refused(
 
     named: the paths of all meshes; what the source names elsewhere is not what was meant here.
     """
-    first, others = absent[0], [f"`{mesh['path']}`" for mesh in absent[1:]]
+    first, others = absent[0], [mesh["path"] for mesh in absent[1:]]
     near = (source.root / first["path"]).parent
     beside = sorted(near.iterdir()) if near.is_dir() else ()
     names = [str(PurePosixPath(first["path"]).parent / file.name) for file in beside]
     close = nearest(first["path"], set(names) - set(named))
     lack, meant = lacking(source.root, first["path"])
-    more = f" (and {len(others)} more: {some(others)})" if others else ""
+    more = f" (and {len(others)} more: {quoted(others, 3)})" if others else ""
     return SourceError(
         f"{first['subject']}: no file `{first['path']}`{more}",
         where=Where(source.shown, int(first["line"])),
