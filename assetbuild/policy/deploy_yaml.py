@@ -117,6 +117,6 @@ def _terms(observations: Said, joints: tuple[str, ...]) -> Iterator[Term]:
             joints=term_joints if function.startswith("joint_") else (),
             scale=term.numbers("scale", len(scale)) if isinstance(scale, list) else (1.0,),
             clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
-            history=max(1, int(term.number("history_length", 1.0))),
+            history=int(term.number("history_length", 1.0)) or 1,
             params=numbers_of(params),
         )

@@ -139,6 +139,6 @@ def _terms(group: Said, joints: tuple[str, ...]) -> Iterator[Term]:
             joints=term_joints if function.startswith("joint_") else (),
             scale=term.numbers("scale", len(scale) if isinstance(scale, list) else 1, 1.0),
             clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
-            history=max(1, int(length or 1)),
+            history=int(length or 1),
             params=numbers_of(term.at("params")),
         )

@@ -92,7 +92,7 @@ def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> 
             joints=joints if name in ("joint_pos", "joint_vel") else (),
             scale=_row(scales, index) or (1.0,),
             clip=(clip[0], clip[1]) if len(clip) == 2 and clip != EVERYTHING else None,
-            history=max(1, int(_number(histories, index, 1.0))),
+            history=int(_number(histories, index, 1.0)) or 1,
         )
 
 
