@@ -5,6 +5,7 @@ Meshes whose points stand in the MJCF itself, or that MuJoCo makes, become OBJ f
 
 from __future__ import annotations
 
+import math
 import posixpath
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -14,7 +15,7 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import one_line
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.robot.pose import Array, normalised_quat, rotation_of
 from assetbuild.simulators.mujoco import mj
@@ -46,6 +47,17 @@ REFUSED = {
 }
 """Elements that make a robot this reader does not know, and what to do about them."""
 MESHES = (".stl", ".obj")
+TURNS = frozenset(("quat", "axisangle", "xyaxes", "zaxis", "euler"))
+WITHOUT_FORCE = frozenset(("type", "axis", "ref", "pos", "limited", "range", "margin", "group"))
+"""Attributes of a joint that let it move freely, if it has no limits."""
+
+FREE_BASE = Rule(
+    "mjcf.free_base",
+    "info",
+    "three slides and a ball joint let the robot's root move as a free joint does: they were read "
+    "as one, with the same positions and velocities",
+    "nothing",
+)
 
 
 class FlattenMjcf(Step):
@@ -79,6 +91,7 @@ class FlattenMjcf(Step):
             refused = next(root.iter(tag), None)
             if refused is not None:
                 raise error_at(refused, f"<{tag}> is not read", hint)
+        findings += write_free_joints(root)
         name_all(root)
         findings += cut_scenery(root, self.body)
         findings += write_inline(root, files.outputs / "inline")
@@ -116,6 +129,53 @@ def _without_sensors_of_plugins(root: Element) -> Iterator[Finding]:
     if len(declared) == len(list(root.iter("plugin"))):
         for plugin in declared:
             remove(plugin)
+
+
+# --- the base -------------------------------------------------------------------------------
+
+
+def write_free_joints(root: Element) -> Iterator[Finding]:
+    """Write a free joint for three slides and a ball joint between the world and a body."""
+    classes = Classes(root)
+    named = {v for part in SECTIONS for e in root.iterfind(f"{part}//*") for v in e.attrib.values()}
+    for body in world_of(root).iterchildren("body"):
+        joints = list(body.iterchildren("joint"))
+        names = {joint.get("name") for joint in joints}
+        if not named & names and _moves_freely(body, [classes.attributes(one) for one in joints]):
+            message = f"three slides and a ball joint were read as one ({where_of(joints[0])})"
+            yield FREE_BASE(f"link {body.get('name', 'body')}", message)
+            joints[0].tag = "freejoint"
+            for key in {*joints[0].attrib} - {AT, "name"}:
+                del joints[0].attrib[key]
+            for joint in joints[1:]:
+                remove(joint)
+
+
+def _moves_freely(body: Element, joints: Sequence[Mapping[str, str]]) -> bool:
+    """Whether they are slides along the world's axes, then a ball, without limits and forces.
+
+    Each slide counts from the world's origin, as the position of a free joint does.
+    joints: all attributes of the joints of a body in the world.
+    """
+    if [joint.get("type") for joint in joints] != ["slide", "slide", "slide", "ball"]:
+        return False
+    for joint in joints:
+        limited = joint.get("limited", "auto")
+        forces = (_floats(joint[key]) for key in joint.keys() - WITHOUT_FORCE)
+        if limited == "true" or (limited == "auto" and "range" in joint) or any(map(any, forces)):
+            return False
+    axes = [_floats(joint.get("axis", "0 0 1")) for joint in joints[:3]]
+    refs = [value for joint in joints[:3] for value in _floats(joint.get("ref", "0"))]
+    at_origin = refs == _floats(body.get("pos", "0 0 0")) and not TURNS & {*body.attrib}
+    return at_origin and axes == np.eye(3).tolist() and not any(_floats(joints[3].get("pos", "0")))
+
+
+def _floats(text: str) -> list[float]:
+    """The numbers of an attribute; NaN, which equals nothing, where it has other words."""
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return [math.nan]
 
 
 # --- files ----------------------------------------------------------------------------------
