@@ -150,7 +150,9 @@ def _refusal(message: str, text: str, root: Element) -> SourceError:
         if int(match[1]) in lines:
             where = where_of(list(root.iter("*"))[lines.index(int(match[1]))])
         words = _LINE.sub("", words)
-    return SourceError(f"MuJoCo does not compile it: {words}", where=where)
+    hint = "if another file includes this one and defines it, build that file"
+    hint = hint if "not found" in words else ""
+    return SourceError(f"MuJoCo does not compile it: {words}", where=where, hint=hint)
 
 
 def plain(root: Element) -> Element:

@@ -193,8 +193,11 @@ class ExpandXacro(Step):
                     lies = f"does the package `{name}` lie in `{base.rstrip('/') or '.'}`?"
                     return f"{lies} correct `source.packages`"
             return f"did you mean `{meant}`? correct the file, or state `source.patches`"
+        text = _text_of(tree, answer.get("read", ()))
+        macro = re.escape(asked.removeprefix("xacro:"))
+        if "unknown macro name" in message and re.search(rf"macro\s+name=[\"']{macro}[\"']", text):
+            return "it is defined below its first use: xacro reads from top to bottom; move it up"
         if "Undefined substitution argument" in message:
-            text = _text_of(tree, answer.get("read", ()))
             known = {*self.args, *_DECLARED.findall(text), *message.split()}
             others = [name for name in dict.fromkeys(_USED.findall(text)) if name not in known]
             return f"{GIVE}{f'; it also needs {quoted(others, 20)}' if others else ''}"
