@@ -20,6 +20,8 @@ SLOW_S = 2.0
 """Steps that took longer leave a line of their own."""
 WORTH_SAYING_S = 4.0
 """An expected time is shown from here on."""
+LONG_S = 20.0
+"""Steps that are expected to take longer also leave a line when they begin."""
 TRUST_S = 3.0
 """So many seconds of work must have taken twice as long as expected before the rest is expected to
 take one and a half times as long."""
@@ -43,6 +45,8 @@ class Progress:
             failed = "failed: " if result.status == "failed" else ""
             took = f", {seconds}" if seconds else ""
             self.say(f"{self._counted(event)} {failed}{event.label}{took}")
+        elif event.kind == "started" and (left := self._forecast.expected_s(event.label)) >= LONG_S:
+            self.say(f"{self._counted(event)} {event.label} begins, {shown_time(left)} expected")
 
     def say(self, text: str) -> None:
         """A line for the user."""
@@ -172,6 +176,10 @@ class Forecast:
         self._chains.pop(label, None)
         if took:
             self._expected, self._took = self._expected + expected, self._took + took
+
+    def expected_s(self, label: str) -> float:
+        """How long a step may take; 0 for one that has ended."""
+        return self._seconds.get(label, 0.0)
 
     @property
     def word(self) -> str:
