@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from steps_for_tests import Mix, Split
+from steps_for_tests import Count, Mix, Split
 
 from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import Graph
@@ -24,13 +24,40 @@ def one(session: Session, step: Step, source: Path | None = None, **options: Any
     return execute(planner.graph(), session, **options)["it"]
 
 
-def chain(session: Session, source: Path, kind: type[Mix] = Mix, keep: int = 16) -> Graph:
+def together(session: Session, steps: dict[str, Step], **options: Any) -> dict[str, NodeResult]:
+    """Steps that read nothing, by label."""
+    planner = Planner(session)
+    for label, step in steps.items():
+        planner.add(label, step)
+    return execute(planner.graph(), session, **options)
+
+
+def chained(session: Session, source: Path, kind: type[Mix] = Mix, keep: int = 16) -> Planner:
     """first -> second -> third, each reading the one before."""
     planner = Planner(session)
     first = planner.add("first", kind(keep=keep), {"in": planner.source(source)})
     second = planner.add("second", kind(salt=1), {"in": first["out"]})
     planner.add("third", kind(salt=2), {"in": second["out"]})
-    return planner.graph()
+    return planner
+
+
+def chain(session: Session, source: Path, kind: type[Mix] = Mix, keep: int = 16) -> Graph:
+    return chained(session, source, kind, keep).graph()
+
+
+SIZE = 10_000
+
+
+def count_all(session: Session, log: Path, names: str) -> dict[str, str]:
+    """One action of `SIZE` bytes for each letter; what became of each."""
+    steps = {name: Count(log=str(log), name=name, text=name * SIZE) for name in names}
+    results = together(session, steps, jobs=1)
+    assert [str(r.error) for r in results.values() if r.error] == []
+    return {name: result.status for name, result in results.items()}
+
+
+def object_file(store: Store, digest: str) -> Path:
+    return store.root / "cas" / digest[:2] / digest
 
 
 def is_alive(pid: int) -> bool:

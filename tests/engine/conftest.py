@@ -31,3 +31,19 @@ def source(tmp_path: Path) -> Path:
     path = tmp_path / "source.txt"
     path.write_text("1")
     return path
+
+
+@pytest.fixture(scope="session")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A source of two parts; no test edits it."""
+    path = tmp_path_factory.mktemp("source") / "robot"
+    path.write_text("one 1\ntwo 2\n")
+    return path
+
+
+@pytest.fixture
+def server():
+    from servers_for_tests import serving
+
+    with serving() as server:
+        yield server

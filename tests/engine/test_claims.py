@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from steps_for_tests import Count
+from builds_for_tests import count_all
 
 from assetbuild.engine import claims
 from assetbuild.engine.claims import (
@@ -22,13 +22,9 @@ from assetbuild.engine.claims import (
     remove_abandoned,
     turn,
 )
-from assetbuild.engine.execute import execute
 from assetbuild.engine.housekeeping import collect, stats
-from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
-
-SIZE = 10_000
 
 NO_LOCKS = """
 import errno, fcntl, os, sys, time
@@ -42,16 +38,11 @@ root, log = Path(sys.argv[2]), sys.argv[3]
 BUILD = (
     NO_LOCKS
     + """
-from steps_for_tests import Count
-from assetbuild.engine.execute import execute
-from assetbuild.engine.planner import Planner
+from builds_for_tests import count_all
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 with Session(Store(root)) as session:
-    planner = Planner(session)
-    for name in sys.argv[4]:
-        planner.add(name, Count(log=log, name=name, text=name * 10_000))
-    assert not any(r.error for r in execute(planner.graph(), session).values())
+    count_all(session, Path(log), sys.argv[4])
     print("built", flush=True)
     time.sleep(float(sys.argv[5]))
 """
@@ -105,9 +96,7 @@ def test_gc_frees_beside_a_process_that_builds_now_and_then(tmp_path: Path):
     with Session(Store(tmp_path / "store")) as session:
         for name in "ab":
             with session.store.busy():
-                planner = Planner(session)
-                planner.add(name, Count(log=str(tmp_path / "log"), name=name, text=name * SIZE))
-                execute(planner.graph(), session)
+                count_all(session, tmp_path / "log", name)
         time.sleep(0.1)
         store = Store(tmp_path / "store")
         assert collect(store, 0).objects == 2
@@ -120,7 +109,7 @@ def test_gc_frees_beside_a_process_that_builds_now_and_then(tmp_path: Path):
     assert stats(tmp_path / "store").objects == 1
 
 
-def elsewhere(folder: Path) -> str:
+def elsewhere() -> str:
     """The name of a claim of another machine."""
     return f"01234567{claimed_name()[8:]}"
 
@@ -131,7 +120,7 @@ def make_old(path: Path, seconds: float) -> None:
 
 
 def test_a_claim_of_another_machine_holds_until_it_expires(tmp_path: Path):
-    folder = tmp_path / elsewhere(tmp_path)
+    folder = tmp_path / elsewhere()
     folder.mkdir()
     for seconds, holds in ((0, True), (EXPIRY_S - 60, True), (EXPIRY_S + 60, False)):
         make_old(folder, seconds)
@@ -172,21 +161,22 @@ def test_a_claim_is_renewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 def test_a_turn_of_another_machine_is_taken_when_it_expired(tmp_path: Path):
     link = tmp_path / "k"
-    link.symlink_to(elsewhere(tmp_path))
+    link.symlink_to(elsewhere())
     began = time.monotonic()
-    with turn(tmp_path / "k", patience_s=0.3):
+    with turn(link, patience_s=0.3):
         assert time.monotonic() - began >= 0.3
     assert link.is_symlink()  # we went on without it
     make_old(link, EXPIRY_S + 60)
-    began = time.monotonic()
-    with turn(tmp_path / "k", patience_s=30):
-        assert time.monotonic() - began < 5
-    assert list(tmp_path.iterdir()) == []
+    assert_turn_is_taken_at_once(link)
 
 
 def test_what_an_earlier_version_left_in_the_place_of_a_turn_is_removed(tmp_path: Path):
     (tmp_path / "k").touch()
+    assert_turn_is_taken_at_once(tmp_path / "k")
+
+
+def assert_turn_is_taken_at_once(path: Path) -> None:
     began = time.monotonic()
-    with turn(tmp_path / "k", patience_s=30):
+    with turn(path, patience_s=30):
         assert time.monotonic() - began < 5
-    assert list(tmp_path.iterdir()) == []
+    assert list(path.parent.iterdir()) == []

@@ -9,7 +9,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from servers_for_tests import serving
 from steps_for_tests import Misbehave, MixInChild, Slow, Split
 
 from assetbuild.engine.actions import key_parts
@@ -41,12 +40,6 @@ def workers(local: LocalCluster) -> LocalCluster:
     return local
 
 
-@pytest.fixture
-def server():
-    with serving() as server:
-        yield server
-
-
 def build(folder: Path, source: Path, workers=None, server=None, width: int = 4, **options):
     """`width` slow steps on one source, and one that reads them all: results, and contents."""
     with ExitStack() as stack:
@@ -65,13 +58,6 @@ def build(folder: Path, source: Path, workers=None, server=None, width: int = 4,
         results = execute(planner.graph(), session, **options)
         content = session.read(results["last"]["out"]) if results["last"].outputs else b""
     return results, content
-
-
-@pytest.fixture
-def robot(tmp_path: Path) -> Path:
-    path = tmp_path / "robot"
-    path.write_text("one 1\ntwo 2\n")
-    return path
 
 
 @pytest.fixture(autouse=True)

@@ -113,13 +113,6 @@ def test_a_source_can_be_asked_at_once(planner, tmp_path):
     assert planner.ask(planner.source(tmp_path / "in")) == b"text"
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Path:
-    path = tmp_path / "robot"
-    path.write_text("one 1\ntwo 2\n")
-    return path
-
-
 def a_step_for_each_part(robot: Path):
     """A plan that learns only from a built file which steps follow."""
 

@@ -19,19 +19,6 @@ from assetbuild.errors import UsageError
 QUICK = Budget(request_s=0.5, lost_s=1.0, object_bytes=1 << 20)
 
 
-@pytest.fixture
-def server():
-    with serving() as server:
-        yield server
-
-
-@pytest.fixture(scope="module")
-def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    source = tmp_path_factory.mktemp("source") / "robot"
-    source.write_text("one 1\ntwo 2\n")
-    return source
-
-
 def outputs(results: dict[str, NodeResult]) -> list[object]:
     return [result.outputs for result in results.values()]
 

@@ -68,13 +68,6 @@ def server(request, tmp_path: Path):
         yield f"http://127.0.0.1:{port}", folder / "data"
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Path:
-    source = tmp_path / "robot"
-    source.write_text("one 1\ntwo 2\n")
-    return source
-
-
 def test_the_second_machine_builds_nothing(tmp_path: Path, robot: Path, server):
     url, _ = server
     first = Machine(tmp_path / "a", url, write=True, key="k")

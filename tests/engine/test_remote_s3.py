@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from builds_for_tests import Machine
 from servers_for_tests import serving
@@ -51,13 +49,6 @@ def use(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def names(bucket) -> set[str]:
     return {row["Key"] for row in bucket.list_objects_v2(Bucket="assets").get("Contents", [])}
-
-
-@pytest.fixture
-def robot(tmp_path: Path) -> Path:
-    source = tmp_path / "robot"
-    source.write_text("one 1\ntwo 2\n")
-    return source
 
 
 def test_the_second_machine_builds_nothing(tmp_path, robot, bucket):

@@ -11,6 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from builds_for_tests import object_file, together
 from steps_for_tests import Count, Mix
 
 from assetbuild.engine.claims import turn
@@ -72,22 +73,16 @@ def test_eight_builds_at_once_run_each_action_once(tmp_path: Path):
 
 
 def test_two_nodes_of_one_build_with_the_same_key_run_once(session: Session, tmp_path: Path):
-    planner = Planner(session)
     step = Count(log=str(tmp_path / "log"), name="it", seconds=0.1)
-    planner.add("left", step)
-    planner.add("right", step)
-    results = execute(planner.graph(), session, jobs=2)
+    results = together(session, {"left": step, "right": step}, jobs=2)
     assert sorted(result.status for result in results.values()) == ["cached", "ran"]
     assert (tmp_path / "log").read_text() == "it\n"
     assert results["left"].outputs == results["right"].outputs
 
 
 def test_a_failure_is_not_shared_and_the_next_in_turn_tries_itself(session: Session, tmp_path):
-    planner = Planner(session)
     step = Count(log=str(tmp_path / "log"), name="it", text="\udcff")  # cannot be written
-    planner.add("left", step)
-    planner.add("right", step)
-    results = execute(planner.graph(), session, jobs=2, keep_going=True)
+    results = together(session, {"left": step, "right": step}, jobs=2, keep_going=True)
     assert [result.status for result in results.values()] == ["failed", "failed"]
 
 
@@ -133,8 +128,7 @@ def test_a_step_and_its_maker_may_have_the_same_key(session: Session, source: Pa
     third = planner.add("third", Mix(keep=0), {"in": second["out"]})
     results = execute(planner.graph(), session, jobs=2)
     assert results["second"].key == results["third"].key
-    digest = results["third"]["out"]
-    (session.store.root / "cas" / digest[:2] / digest).unlink()
+    object_file(session.store, results["third"]["out"]).unlink()
     session.forget()
     planner.add("last", Mix(), {"in": third["out"]})
     assert not any(r.error for r in execute(planner.graph(), session, jobs=2).values())
