@@ -221,13 +221,6 @@ class CountInParent(Count):
     in_parent: ClassVar[bool] = True
 
 
-class AlwaysDies(Count):
-    def run(self, files: Files) -> Iterable[Finding]:
-        super().run(files)
-        os.kill(os.getpid(), signal.SIGSEGV)
-        return ()
-
-
 class DiesOnce(Step):
     """Killed by a signal after it wrote a part; well when it is run again."""
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from builds_for_tests import chain, is_alive, one
+from builds_for_tests import chain, is_alive, one, together
 from steps_for_tests import (
     Meet,
     Misbehave,
@@ -149,12 +149,8 @@ class Told(Write):
 
 
 def test_a_failure_stops_all_but_those_of_a_kind_that_names_every_file(session):
-    planner = Planner(session)
-    planner.add("first", Told(write=()))
-    planner.add("other", Mix())
-    planner.add("second", Told(write=("more",)))
-    planner.add("good", Told(write=("out",)))
-    results = execute(planner.graph(), session, jobs=1)
+    steps = {"first": Told(write=()), "other": Mix(), "second": Told(write=("more",))}
+    results = together(session, {**steps, "good": Told(write=("out",))}, jobs=1)
     assert statuses(results) == ["failed", "blocked", "failed", "ran"]
     assert "stopped at the first error" in results["other"].reason
 
@@ -178,10 +174,8 @@ def test_nodes_after_a_failure_are_blocked_and_the_others_go_on(session):
 def test_independent_steps_run_side_by_side(session, tmp_path):
     place = tmp_path / "meeting"
     place.mkdir()
-    planner = Planner(session)
-    for number in range(3):
-        planner.add(str(number), Meet(number=number, company=3, folder=str(place)))
-    results = execute(planner.graph(), session, jobs=3)
+    steps = {str(n): Meet(number=n, company=3, folder=str(place)) for n in range(3)}
+    results = together(session, steps, jobs=3)
     assert [session.read(result["out"]) for result in results.values()] == [b"3"] * 3
 
 
@@ -237,19 +231,17 @@ def test_progress_is_told_in_order(session, source):
 def test_ctrl_c_kills_the_children_in_two_seconds(tmp_path):
     pid_file = tmp_path / "pid"
     interrupted: list[float] = []
-    with Session(Store(tmp_path / "store")) as session:
-        planner = Planner(session)
-        planner.add("slow", Slow(seconds=60, pid_file=str(pid_file)))
 
-        def interrupt(event: Event) -> None:
-            if event.kind == "started":
-                while not pid_file.is_file() or not pid_file.read_text():
-                    time.sleep(0.01)
-                interrupted.append(time.monotonic())
-                raise KeyboardInterrupt
+    def interrupt(event: Event) -> None:
+        if event.kind == "started":
+            while not pid_file.is_file() or not pid_file.read_text():
+                time.sleep(0.01)
+            interrupted.append(time.monotonic())
+            raise KeyboardInterrupt
 
-        with pytest.raises(KeyboardInterrupt):
-            execute(planner.graph(), session, on_event=interrupt)
+    slow = Slow(seconds=60, pid_file=str(pid_file))
+    with Session(Store(tmp_path / "store")) as session, pytest.raises(KeyboardInterrupt):
+        one(session, slow, on_event=interrupt)
     while is_alive(int(pid_file.read_text())):  # killed, perhaps not yet gone
         assert time.monotonic() - interrupted[0] < 3
         time.sleep(0.02)

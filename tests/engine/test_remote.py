@@ -104,19 +104,16 @@ def test_a_server_that_misbehaves_costs_a_bounded_time_and_one_warning(
     store.close()
 
 
-@pytest.mark.parametrize("how", ["nobody answers", "writing fails"])
+@pytest.mark.parametrize("how", ["nobody answers", "writing fails", "no word after connecting"])
 def test_a_server_that_is_not_there_is_one_warning(tmp_path, robot, server, gold, how):
     server.fault = "500"
-    url = "http://127.0.0.1:9" if how == "nobody answers" else server.url
-    machine = Machine(tmp_path / "a", url, write=True)
-    assert outputs(machine.build(robot)) == gold
-    assert len(machine.warnings) == 1
-
-
-def test_a_server_that_never_shakes_hands_costs_a_bounded_time(tmp_path, robot, gold):
-    with socket.create_server(("127.0.0.1", 0)) as silent:  # connects, and never says a word
-        url = f"https://127.0.0.1:{silent.getsockname()[1]}"
-        machine = Machine(tmp_path / "a", url, budget=QUICK)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = {
+            "nobody answers": "http://127.0.0.1:9",
+            "writing fails": server.url,
+            "no word after connecting": f"https://127.0.0.1:{silent.getsockname()[1]}",
+        }[how]
+        machine = Machine(tmp_path / "a", url, write=True, budget=QUICK)
         assert outputs(machine.build(robot)) == gold
     assert len(machine.warnings) == 1
     assert machine.seconds < 15
@@ -175,23 +172,13 @@ def dangle(server: CacheServer, count: int, how: str) -> None:
             server.files[name] = changed
 
 
-@pytest.mark.parametrize("how", ["gone", "cut"])
-def test_what_the_cache_has_evicted_is_a_miss_and_no_fault(tmp_path, robot, server, sent, how):
-    server.files = dict(sent["wide"])
-    dangle(server, 8, how)
-    second = Machine(tmp_path / "b", server.url)
-    states = Counter(result.status for result in second.build(robot, width=12).values())
-    assert second.warnings == []
-    assert states["cached"] >= 12 + 3 - 8
-    assert states["ran"] <= 8
-
-
 @pytest.mark.parametrize("how", ["gone", "cut", "wrong"])
-def test_what_the_cache_has_lost_is_sent_again(tmp_path, robot, server, sent, how):
+def test_what_the_cache_has_lost_is_a_miss_and_sent_again(tmp_path, robot, server, sent, how):
     server.files = dict(sent["wide"])
     dangle(server, 8, how)
     second = Machine(tmp_path / "b", server.url, write=True, budget=Budget(errors=10))
-    second.build(robot, width=12)
+    results = second.build(robot, width=12)
+    assert Counter(result.status for result in results.values())["ran"] <= 8
     assert len(second.warnings) == (how == "wrong")
     results = Machine(tmp_path / "c", server.url).build(robot, width=12)
     assert {result.status for result in results.values()} == {"cached"}
