@@ -155,15 +155,6 @@ def test_some_steps_may_run(session, robot):
     assert list(done.graph.nodes) == ["split", "one", "two"]
 
 
-def test_a_failed_step_ends_the_rounds(session):
-    def add(p: Planner) -> None:
-        p.ask(p.add("bad", Write(write=()))["out"])
-
-    done = settle(add, session)
-    assert "did not write its output" in str(done.errors[0])
-    assert not done.whole
-
-
 def test_several_plans_are_one_graph_with_results_under_their_own_labels(tmp_path, robot):
     log = str(tmp_path / "log")
 
@@ -174,7 +165,6 @@ def test_several_plans_are_one_graph_with_results_under_their_own_labels(tmp_pat
     builds = {"left": "l.yaml", "right": "r.yaml"}
     with Session(Store(tmp_path / "store"), builds=builds) as session:
         done = settle_all(dict.fromkeys(builds, add), session)
-        assert list(done) == ["left", "right"]
         assert [list(each.results) for each in done.values()] == [["shared", "own"]] * 2
         assert (tmp_path / "log").read_text() == "shared\n"
         assert planned(add, session).results == {}

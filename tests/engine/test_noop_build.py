@@ -66,7 +66,6 @@ CHANGES: dict[str, Callable[[Path], object]] = {
     "the bundle is edited": lambda f: edited_in_secret(f / "out/mjcf/go1.xml"),
     "a file of the bundle goes": lambda f: (f / "out/mjcf/go1.xml").unlink(),
     "a file in the bundle appears": lambda f: (f / "out/mine.txt").write_text("mine"),
-    "a file appears that was looked for": lambda f: (f / "go1.lock.yaml").write_text("lock"),
     "a source becomes a folder": lambda f: ((f / "go1.yaml").unlink(), (f / "go1.yaml").mkdir()),
 }
 
@@ -132,15 +131,6 @@ def test_a_record_cut_or_changed_anywhere_counts_for_nothing(built: Path):
         changed[place] ^= 4
         (built / "record").write_bytes(changed)
         assert check(built) is None
-
-
-def test_a_linked_source_is_read_each_time(built: Path):
-    (built / "real").write_text("one")
-    (built / "link").symlink_to("real")
-    assert record(built)
-    assert check(built)
-    (built / "real").write_text("two")
-    assert check(built) is None
 
 
 def test_builds_have_records_of_their_own():
