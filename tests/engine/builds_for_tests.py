@@ -56,6 +56,13 @@ def count_all(session: Session, log: Path, names: str) -> dict[str, str]:
     return {name: result.status for name, result in results.items()}
 
 
+def three_steps(planner: Planner, source: Path) -> None:
+    """split -> mix -> last; of the first, a folder and one file of it are read."""
+    split = planner.add("split", Split(), {"in": planner.source(source)})
+    mix = planner.add("mix", Mix(), {"all/": split["parts/"], "one": split["parts/"] / "one"})
+    planner.add("last", Mix(salt=1), {"in": mix["out"]})
+
+
 def object_file(store: Store, digest: str) -> Path:
     return store.root / "cas" / digest[:2] / digest
 
@@ -84,11 +91,7 @@ class Machine:
         began = time.monotonic()
         with Session(Store(self.folder), remote=self.remote) as session:
             planner = Planner(session)
-            split = planner.add("split", Split(), {"in": planner.source(robot)})
-            mix = planner.add(
-                "mix", Mix(), {"all/": split["parts/"], "one": split["parts/"] / "one"}
-            )
-            planner.add("last", Mix(salt=1), {"in": mix["out"]})
+            three_steps(planner, robot)
             for number in range(width):
                 planner.add(f"wide{number}", Mix(salt=9 + number), {"in": planner.source(robot)})
             results = execute(planner.graph(), session, jobs=2)

@@ -72,7 +72,3 @@ def digest(data: object) -> str:
 
     raw = data if isinstance(data, bytes) else np.ascontiguousarray(data).tobytes()
     return hashlib.sha256(raw).hexdigest()[:12]
-
-
-if __name__ == "__main__":
-    print(json.dumps(numbers()))

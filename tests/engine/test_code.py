@@ -46,13 +46,16 @@ class Package:
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
 
-    def look(self, module: str = "weigh") -> StepCode:
+    def look(self) -> StepCode:
         code_module._FIRST_SEEN.clear()
-        step = importlib.import_module(f"{self.name}.{module}").Weigh
-        return Code().of(step)
+        return Code().of(importlib.import_module(f"{self.name}.weigh").Weigh)
 
-    def modules(self, module: str = "weigh") -> set[str]:
-        return {name.removeprefix(f"{self.name}.") for name in self.look(module).modules}
+    def modules(self) -> set[str]:
+        return {name.removeprefix(f"{self.name}.") for name in self.look().modules}
+
+    def step(self, text: str) -> type[Step]:
+        self.write("weigh.py", text)
+        return importlib.import_module(f"{self.name}.weigh").Weigh
 
 
 @pytest.fixture
@@ -278,8 +281,7 @@ def never_racy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_next_process_reads_nothing_again(package, tmp_path, reads, never_racy):
-    package.write("weigh.py", PLAIN)
-    step = importlib.import_module(f"{package.name}.weigh").Weigh
+    step = package.step(PLAIN)
     first = one_process(tmp_path / "code", step)
     assert f"{package.name}.weigh" in reads
     reads.clear()
@@ -291,8 +293,7 @@ def test_the_next_process_reads_nothing_again(package, tmp_path, reads, never_ra
 
 
 def test_a_file_that_was_written_just_now_is_read_again(package, tmp_path, reads):
-    package.write("weigh.py", PLAIN)
-    step = importlib.import_module(f"{package.name}.weigh").Weigh
+    step = package.step(PLAIN)
     one_process(tmp_path / "code", step)
     reads.clear()
     one_process(tmp_path / "code", step)
@@ -310,8 +311,7 @@ def test_a_file_that_was_written_just_now_is_read_again(package, tmp_path, reads
     ],
 )
 def test_a_spoilt_cache_counts_as_empty(package, tmp_path, never_racy, spoil: Callable[[str], str]):
-    package.write("weigh.py", PLAIN)
-    step = importlib.import_module(f"{package.name}.weigh").Weigh
+    step = package.step(PLAIN)
     first = one_process(tmp_path / "code", step)
     (file,) = (tmp_path / "code").iterdir()
     file.write_text(spoil(file.read_text()))
@@ -333,9 +333,7 @@ def test_what_was_found_lies_beside_the_package(tmp_path, monkeypatch):
 
 
 def test_an_edit_while_a_step_runs_is_found(package):
-    package.write("weigh.py", PLAIN)
-    package.look()
-    step = sys.modules[f"{package.name}.weigh"].Weigh
+    step = package.step(PLAIN)
     code = Code()
     code.check(step)
     package.write("weigh.py", "# only a comment\n" + PLAIN)
@@ -347,9 +345,7 @@ def test_an_edit_while_a_step_runs_is_found(package):
 
 
 def test_threads_that_look_at_an_edited_file_parse_it_one_after_another(package, monkeypatch):
-    package.write("weigh.py", PLAIN)
-    package.look()
-    step = sys.modules[f"{package.name}.weigh"].Weigh
+    step = package.step(PLAIN)
     code = Code()
     code.check(step)
     package.write("weigh.py", "# only a comment\n" + PLAIN)
@@ -369,10 +365,8 @@ def test_threads_that_look_at_an_edited_file_parse_it_one_after_another(package,
 
 
 def test_an_upgrade_while_a_step_runs_is_found(package, tmp_path):
-    package.write("weigh.py", STEP.format(body="import meshlib"))
+    step = package.step(STEP.format(body="import meshlib"))
     install(tmp_path, "meshlib", "1", "meshlib")
-    package.look()
-    step = sys.modules[f"{package.name}.weigh"].Weigh
     code = Code()
     code.check(step)
     (tmp_path / "meshlib-1.dist-info").rename(tmp_path / "meshlib-2.dist-info")
@@ -381,10 +375,8 @@ def test_an_upgrade_while_a_step_runs_is_found(package, tmp_path):
 
 
 def test_threads_that_ask_at_once_have_one_answer(package):
-    package.write("weigh.py", "import numpy\n" + PLAIN)
-    package.look()
-    step = sys.modules[f"{package.name}.weigh"].Weigh
-    for _ in range(5):
+    step = package.step("import numpy\n" + PLAIN)
+    for _ in range(3):
         libraries_module._metadata_text.cache_clear()
         code = Code()
         with ThreadPoolExecutor(8) as pool:

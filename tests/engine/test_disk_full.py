@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from steps_for_tests import Mix, Split
+from builds_for_tests import three_steps
 
 from assetbuild.cli import main
 from assetbuild.engine.claims import release
@@ -96,9 +96,7 @@ def build(root: Path, source: Path, dest: Path) -> bytes:
     """Three steps, a folder among their outputs, and one output restored to a user's folder."""
     with Session(Store(root), build="it") as session:
         planner = Planner(session)
-        split = planner.add("split", Split(), {"in": planner.source(source)})
-        mix = planner.add("mix", Mix(), {"all/": split["parts/"]})
-        planner.add("last", Mix(salt=1), {"in": mix["out"]})
+        three_steps(planner, source)
         results = execute(planner.graph(), session, jobs=1)
         for result in results.values():
             if result.error is not None:
@@ -117,18 +115,16 @@ def attempt(full_at: int | None, run: Callable[[], bytes]) -> tuple[AssetBuildEr
 
 
 @pytest.mark.slow
-def test_a_full_disk_at_any_write_is_one_error_that_loses_nothing(tmp_path: Path):
-    source = tmp_path / "source"
-    source.write_text("one 1\ntwo 2\n")
-    gold = build(tmp_path / "gold", source, tmp_path / "dest")
-    error, writes = attempt(None, lambda: build(tmp_path / "counted", source, tmp_path / "d"))
+def test_a_full_disk_at_any_write_is_one_error_that_loses_nothing(tmp_path: Path, robot: Path):
+    gold = build(tmp_path / "gold", robot, tmp_path / "dest")
+    error, writes = attempt(None, lambda: build(tmp_path / "counted", robot, tmp_path / "d"))
     assert error is None
     assert writes > 40
     failed = 0
     tried = range(1, writes + 1, 9)
     for full_at in tried:
         root, dest = tmp_path / f"store-{full_at}", tmp_path / f"dest-{full_at}"
-        error, _ = attempt(full_at, lambda root=root, dest=dest: build(root, source, dest))
+        error, _ = attempt(full_at, lambda root=root, dest=dest: build(root, robot, dest))
         if error is not None:
             failed += 1
             assert isinstance(error, MachineError), (full_at, error)
@@ -139,7 +135,7 @@ def test_a_full_disk_at_any_write_is_one_error_that_loses_nothing(tmp_path: Path
         found = check(store)
         assert not found.corrupt and not found.torn, full_at
         store.close()
-        assert build(root, source, dest) == gold, full_at
+        assert build(root, robot, dest) == gold, full_at
         assert list((root / "v1/tmp").iterdir()) == []
     assert failed >= len(tried) - 4  # notes such as the journal are given up in silence
 

@@ -36,11 +36,6 @@ def age(root: Path) -> None:
     time.sleep(0.1)
 
 
-def test_an_absent_store_holds_nothing(tmp_path: Path):
-    assert stats(tmp_path / "nowhere").total_bytes == 0
-    assert not (tmp_path / "nowhere").exists()
-
-
 def test_stats_count(tmp_path: Path):
     build(tmp_path / "store", tmp_path / "log", "abc")
     found = stats(tmp_path / "store")
