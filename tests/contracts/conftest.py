@@ -10,9 +10,14 @@ import pytest
 import assetbuild
 from assetbuild.engine.code import Code
 from assetbuild.engine.step import Step
+from assetbuild.facts.reader import Reader
+from assetbuild.plugins import load_plugin, plugin_names
 from docs.site.pages.rules import package_modules
 
 PACKAGE = Path(assetbuild.__file__).parent
+READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
+OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
+"""Of the tiny robots' formats."""
 
 
 def step_classes() -> list[type[Step]]:

@@ -12,12 +12,11 @@ from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.errors import StepError
-from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key
 from assetbuild.facts.vocabulary import VOCABULARY, Required
 from assetbuild.plugin_types import Target
-from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.plugins import load_plugin
 from assetbuild.robot.model import (
     Body,
     Camera,
@@ -33,9 +32,9 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Material
 
+from .conftest import OPTIONS, READERS
+
 Tensor = tuple[float, float, float, float, float, float]
-READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
-OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
 
 
 def rich() -> list[TinyRobot]:

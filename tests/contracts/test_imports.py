@@ -6,7 +6,6 @@ own `__init__`, late imports and those for types alone.
 
 from __future__ import annotations
 
-import inspect
 import json
 import os
 import subprocess
@@ -25,7 +24,8 @@ from assetbuild.facts.reader import Reader
 from assetbuild.plugin_types import Check, Target
 from assetbuild.plugins import load_plugin, own_names
 from assetbuild.simulators.consumers import ConsumerCheck
-from docs.site.pages.rules import package_modules
+
+from .conftest import step_classes
 
 
 @pytest.fixture(scope="module")
@@ -47,26 +47,17 @@ NUMERIC = {"coacd", "fast-simplification", "manifold3d", "mujoco", "networkx", "
 NUMERIC |= {"pillow", "pin", "pycollada", "scipy", "trimesh", "usd-core", "vhacdx", "yourdfpy"}
 
 
-def classes() -> set[type[Step]]:
-    """All steps of the package."""
-    values = (value for module in package_modules() for value in vars(module).values())
-    return {v for v in values if inspect.isclass(v) and issubclass(v, Step)} - {Step}
-
-
 def test_what_a_step_imports_reaches_no_recipe(graph: grimp.ImportGraph):
     recipe = {name for name in graph.modules if name.startswith("assetbuild.recipe.")}
-    steps = {step.__module__ for step in classes()}
+    steps = {step.__module__ for step in step_classes()}
     assert {step for step in steps if graph.find_upstream_modules(step) & recipe} == set()
 
 
-def test_a_step_that_computes_runs_in_a_child_with_pinned_kernels():
+def test_a_step_that_computes_runs_in_a_child_with_pinned_kernels(code: Code):
     """A trainer's figures come from a process of its own, mostly of a GPU."""
-    code = Code()
-    here = {step for step in classes() if step.in_parent and not issubclass(step, ConsumerCheck)}
+    here = [s for s in step_classes() if s.in_parent and not issubclass(s, ConsumerCheck)]
     assert here  # at least those that fetch
-    assert {s.__name__: sorted(NUMERIC & code.of(s).libraries.keys()) for s in here} == {
-        step.__name__: [] for step in here
-    }
+    assert {s.__name__ for s in here if NUMERIC & code.of(s).libraries.keys()} == set()
 
 
 HEAVY = {"mujoco", "pxr", "trimesh", "scipy", "coacd", "vhacdx", "manifold3d", "yourdfpy", "glfw",

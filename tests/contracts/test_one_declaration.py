@@ -22,7 +22,6 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.findings import Finding
-from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe_types import Model
 from assetbuild.robot.contact import Contact, Contacts
 from assetbuild.robot.files import RobotFiles, SourceControl
@@ -32,6 +31,8 @@ from assetbuild.robot.sides import Side
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
+
+from .conftest import OPTIONS, READERS
 
 NOT_IN_MJCF = {"simulation.decimation": "MuJoCo has no control step: the trainers' modules hold it"}
 OTHER: dict[str, Any] = {
@@ -127,8 +128,6 @@ def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
         assert getattr(getattr(joined, section), name) == getattr(getattr(winner, section), name)
 
 
-READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
-OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
 NUMBERS = [field.name for field in fields(Actuator) if field.type in ("float", "float | None")]
 UNSAID = {
     "stall": "of a DC motor alone",
