@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,13 @@ def three_steps(planner: Planner, source: Path) -> None:
 
 def object_file(store: Store, digest: str) -> Path:
     return store.root / "cas" / digest[:2] / digest
+
+
+def calling(module: str, call: str) -> list[str]:
+    """The command of a Python of its own that calls a function of a module of this folder."""
+    here = str(Path(__file__).parent)
+    program = f"import sys; sys.path.insert(0, {here!r}); import {module}; {module}.{call}"
+    return [sys.executable, "-c", program]
 
 
 def is_alive(pid: int) -> bool:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 
 import pytest
-from builds_for_tests import count_all
+from builds_for_tests import calling, count_all
 
 from assetbuild.engine import claims
 from assetbuild.engine.claims import (
@@ -26,57 +27,46 @@ from assetbuild.engine.housekeeping import collect, stats
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 
-NO_LOCKS = """
-import errno, fcntl, os, sys, time
-from pathlib import Path
-def refuse(*_):
-    raise OSError(errno.EBADF, os.strerror(errno.EBADF))
-fcntl.flock = fcntl.lockf = refuse
-sys.path.insert(0, sys.argv[1])
-root, log = Path(sys.argv[2]), sys.argv[3]
-"""
-BUILD = (
-    NO_LOCKS
-    + """
-from builds_for_tests import count_all
-from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store
-with Session(Store(root)) as session:
-    count_all(session, Path(log), sys.argv[4])
-    print("built", flush=True)
-    time.sleep(float(sys.argv[5]))
-"""
-)
-GC = (
-    NO_LOCKS
-    + """
-from assetbuild.engine.housekeeping import collect, stats
-from assetbuild.engine.store import Store
-store = Store(root)
-collect(store, 0)
-store.close()
-print(stats(root).objects)
-"""
-)
+
+def refuse_locks() -> None:
+    """As some network file systems do."""
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+
+    fcntl.flock = fcntl.lockf = refuse
 
 
-def python(code: str, *words: str) -> subprocess.Popen[str]:
-    here = str(Path(__file__).parent)
-    return subprocess.Popen(
-        [sys.executable, "-c", code, here, *words], stdout=subprocess.PIPE, text=True
-    )
+def build(folder: str, names: str, then_s: float) -> None:
+    refuse_locks()
+    with Session(Store(Path(folder, "store"))) as session:
+        count_all(session, Path(folder, "log"), names)
+        print("built", flush=True)
+        time.sleep(then_s)
+
+
+def collect_all(folder: str) -> None:
+    refuse_locks()
+    store = Store(Path(folder, "store"))
+    collect(store, 0)
+    store.close()
+    print(stats(store.root.parent).objects)
+
+
+def python(call: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(calling("test_claims", call), stdout=subprocess.PIPE, text=True)
 
 
 def start_build(folder: Path, names: str, then_s: float) -> subprocess.Popen[str]:
-    build = python(BUILD, str(folder / "store"), str(folder / "log"), names, str(then_s))
-    assert build.stdout is not None
-    assert build.stdout.readline() == "built\n"
-    return build
+    started = python(f"build({str(folder)!r}, {names!r}, {then_s})")
+    assert started.stdout is not None
+    assert started.stdout.readline() == "built\n"
+    return started
 
 
 def objects_after_gc(folder: Path) -> int:
     time.sleep(0.1)  # beyond the tick of the clock that gc spares
-    return int(python(GC, str(folder / "store"), "").communicate(timeout=60)[0])
+    return int(python(f"collect_all({str(folder)!r})").communicate(timeout=60)[0])
 
 
 def test_without_locks_gc_spares_what_running_builds_made_and_frees_it_when_they_are_killed(

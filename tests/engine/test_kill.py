@@ -6,53 +6,42 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from builds_for_tests import is_alive
+from builds_for_tests import calling, is_alive
+from steps_for_tests import Mix, MixInChild, Slow, Split
+
+from assetbuild.engine.planner import Planner, settle
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
 
 pytestmark = pytest.mark.own_workers
 
-PROGRAM = """
-import json, sys
-from pathlib import Path
-sys.path.insert(0, sys.argv[3])
-from steps_for_tests import Mix, MixInChild, Slow, Split
-from assetbuild.engine.execute import execute
-from assetbuild.engine.planner import Planner
-from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store
-folder, pids = Path(sys.argv[1]), sys.argv[2]
-print("begins", flush=True)
-with Session(Store(folder / "store"), build="killed") as session:
-    while True:
-        planner = Planner(session)
-        split = planner.add("split", Split(), {"in": planner.source(folder / "source")})
-        members = json.loads(planner.ask(split["names.json"]) or b"[]")
-        inputs = {}
-        for number, name in enumerate(sorted(members)):
-            slow = planner.add(f"slow {name}", Slow(seconds=0.15, salt=number,
-                               pid_file=f"{pids}-{number}"))
-            mix = planner.add(f"mix {name}", MixInChild(), {"a": split["parts/"] / name,
-                              "b": slow["out"]})
-            inputs[name] = mix["out"]
-        planner.add("all", Mix(), inputs)
-        graph = planner.graph()
-        results = execute(graph, session, jobs=2)
-        if not planner.questions:
-            break
-    errors = [str(r.error) for r in results.values() if r.error]
-    print(json.dumps([errors, {k: r.outputs for k, r in results.items()}]))
-"""
+
+def build(folder: str, pids: str) -> None:
+    """What is killed; the pid files are fields of steps, so every run names the same ones."""
+    with Session(Store(Path(folder, "store")), build="killed") as session:
+        done = settle(lambda planner: add_steps(planner, Path(folder, "source"), pids), session)
+        outputs = {label: result.outputs for label, result in done.results.items()}
+        print(json.dumps([[str(error) for error in done.errors], outputs]))
+
+
+def add_steps(planner: Planner, source: Path, pids: str) -> None:
+    split = planner.add("split", Split(), {"in": planner.source(source)})
+    inputs = {}
+    for number, name in enumerate(json.loads(planner.ask(split["names.json"]) or b"[]")):
+        step = Slow(seconds=0.15, salt=number, pid_file=f"{pids}-{number}")
+        slow = planner.add(f"slow {name}", step)
+        mixed = {"a": split["parts/"] / name, "b": slow["out"]}
+        inputs[name] = planner.add(f"mix {name}", MixInChild(), mixed)["out"]
+    planner.add("all", Mix(), inputs)
 
 
 def start(folder: Path, pids: str) -> subprocess.Popen[str]:
-    # The pid files are parameters of the steps, so every run names the same ones.
-    here = str(Path(__file__).parent)
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(folder), pids, here],
+        calling("test_kill", f"build({str(folder)!r}, {pids!r})"),
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,

@@ -4,64 +4,54 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import threading
 import time
 from collections import Counter
 from pathlib import Path
 
 import pytest
-from builds_for_tests import object_file, together
-from steps_for_tests import Count, Mix
+from builds_for_tests import calling, object_file, together
+from steps_for_tests import Count, CountInParent, Mix
 
 from assetbuild.engine.claims import turn
 from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
-
-BUILDS, ROUNDS = 8, 2
-
-PROGRAM = """
-import json, sys, time
-from pathlib import Path
-sys.path.insert(0, sys.argv[1])
-from steps_for_tests import Count, CountInParent
-from assetbuild.engine.execute import execute
-from assetbuild.engine.planner import Planner
-from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
-folder, me, builds, rounds = Path(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5])
-for number in range(rounds):
-    place = folder / str(number)
-    (place / "here").mkdir(parents=True, exist_ok=True)
-    (place / "here" / me).touch()
-    while len(list((place / "here").iterdir())) < builds:
-        time.sleep(0.002)
-    log = str(place / "log")
-    with Session(Store(place / "store"), build=me) as session:
-        planner = Planner(session)
-        kind = Count if number == 0 else CountInParent
-        a = planner.add("a", kind(log=log, name="a", seconds=0.02))
-        middle = [planner.add(n, kind(log=log, name=n), {"in": a["out"]}) for n in "bcd"]
-        planner.add("e", kind(log=log, name="e", seconds=0.01),
-                    {str(i): m["out"] for i, m in enumerate(middle)})
-        results = execute(planner.graph(), session, jobs=2)
-    told = [[k, r.status, r.outputs] for k, r in results.items()]
-    (place / f"result-{me}").write_text(json.dumps(told))
-"""
+
+BUILDS = 8
+
+
+def build_at_once(folder: str, me: str) -> None:
+    """In each round: wait until all builds are here, then build what the store does not know."""
+    for number, kind in enumerate((Count, CountInParent)):
+        place = Path(folder, str(number))
+        (place / "here").mkdir(parents=True, exist_ok=True)
+        (place / "here" / me).touch()
+        while len(list((place / "here").iterdir())) < BUILDS:
+            time.sleep(0.002)
+        log = str(place / "log")
+        with Session(Store(place / "store"), build=me) as session:
+            planner = Planner(session)
+            a = planner.add("a", kind(log=log, name="a", seconds=0.02))
+            middle = [planner.add(n, kind(log=log, name=n), {"in": a["out"]}) for n in "bcd"]
+            last = kind(log=log, name="e", seconds=0.01)
+            planner.add("e", last, {node.label: node["out"] for node in middle})
+            results = execute(planner.graph(), session, jobs=2)
+        told = [[k, r.status, r.outputs] for k, r in results.items()]
+        (place / f"result-{me}").write_text(json.dumps(told))
 
 
 @pytest.mark.slow
 def test_eight_builds_at_once_run_each_action_once(tmp_path: Path):
-    here = str(Path(__file__).parent)
-    words = [sys.executable, "-c", PROGRAM, here, str(tmp_path)]
     builds = [
-        subprocess.Popen([*words, str(number), str(BUILDS), str(ROUNDS)])
+        subprocess.Popen(
+            calling("test_single_flight", f"build_at_once({str(tmp_path)!r}, '{number}')")
+        )
         for number in range(BUILDS)
     ]
     assert [build.wait(timeout=120) for build in builds] == [0] * BUILDS
-    for number in range(ROUNDS):
-        place = tmp_path / str(number)
+    for place in (tmp_path / "0", tmp_path / "1"):
         ran = Counter((place / "log").read_text().split())
         assert ran == dict.fromkeys("abcde", 1)
         told = [json.loads(path.read_text()) for path in place.glob("result-*")]
@@ -86,15 +76,15 @@ def test_a_failure_is_not_shared_and_the_next_in_turn_tries_itself(session: Sess
     assert [result.status for result in results.values()] == ["failed", "failed"]
 
 
+def hold(path: str) -> None:
+    with turn(Path(path), patience_s=1):
+        print("held", flush=True)
+        time.sleep(60)
+
+
 def test_a_killed_owner_frees_its_turn_at_once(tmp_path: Path):
-    code = (
-        "import sys, time; from pathlib import Path; from assetbuild.engine.claims import turn\n"
-        "with turn(Path(sys.argv[1], 'k'), patience_s=1):\n"
-        "    print('held', flush=True); time.sleep(60)"
-    )
-    owner = subprocess.Popen(
-        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True
-    )
+    call = f"hold({str(tmp_path / 'k')!r})"
+    owner = subprocess.Popen(calling("test_single_flight", call), stdout=subprocess.PIPE, text=True)
     assert owner.stdout is not None
     assert owner.stdout.readline() == "held\n"
     threading.Timer(0.2, owner.kill).start()

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -120,8 +121,8 @@ def _check_same_code() -> None:
 # --- F1
 
 
-def kills(folder: Path, count: int, chain: int, seed: int) -> Tally:
-    """`count` kills, after each `chain` of them a build that must be right."""
+def kills(folder: Path, count: int, seed: int) -> Tally:
+    """`count` kills, after each of them a build that must be right."""
     chance = random.Random(seed)
     gold, seconds = golds(folder)
     tally = Tally()
@@ -132,9 +133,10 @@ def kills(folder: Path, count: int, chain: int, seed: int) -> Tally:
         if chance.random() < 0.5:  # else the store knows some of it already
             shutil.rmtree(legs.store, ignore_errors=True)
         legs.lay_out(mass)
-        for _ in range(chain):
-            _kill_once(legs, chance, seconds, tally)
-        _check_next_build(legs, gold[mass], tally)
+        _kill_once(legs, chance, seconds, tally)
+        _check_build(legs, legs.build(), gold[mass], tally)
+        _check_same_code()
+        tally.done["builds after kills"] += 1
         _progress(f"{tally.done['kills']} kills, {len(tally.bad)} bad")
     _check_nothing_left(legs, tally)
     return tally
@@ -161,10 +163,7 @@ def _kill_once(legs: Legs, chance: random.Random, seconds: float, tally: Tally) 
     process.wait()
 
 
-def _check_next_build(legs: Legs, gold: bytes, tally: Tally) -> None:
-    code = legs.build()
-    _check_same_code()
-    tally.done["builds after kills"] += 1
+def _check_build(legs: Legs, code: int, gold: bytes, tally: Tally) -> None:
     if code != 0:
         tally.bad.append(f"refused with {code}: {legs.log()[-500:]}")
     elif legs.manifest() != gold:
@@ -173,10 +172,9 @@ def _check_next_build(legs: Legs, gold: bytes, tally: Tally) -> None:
 
 def _check_nothing_left(legs: Legs, tally: Tally) -> None:
     time.sleep(2.0)
-    left = [p.name for p in (legs.store / "v1/tmp").iterdir()]
-    left += [p.name for p in (legs.folder / "build").iterdir() if ".new-" in p.name]
-    left += [p.name for p in (legs.folder / "build").iterdir() if ".old-" in p.name]
-    tally.bad += [f"left behind: {name}" for name in left]
+    left = [*(legs.store / "v1/tmp").iterdir(), *(legs.folder / "build").glob("*.new-*")]
+    left += (legs.folder / "build").glob("*.old-*")
+    tally.bad += [f"left behind: {path.name}" for path in left]
     for path in Path("/proc").glob("[0-9]*/environ"):
         try:
             if str(legs.store).encode() in path.read_bytes():
@@ -200,12 +198,8 @@ def at_once(folder: Path, rounds: int, builds: int) -> Tally:
             legs.lay_out(mass)
         processes = [legs.start() for legs in places]
         for legs, process in zip(places, processes, strict=True):
-            code = process.wait()
+            _check_build(legs, process.wait(), gold[mass], tally)
             tally.done["builds"] += 1
-            if code != 0:
-                tally.bad.append(f"refused with {code}: {legs.log()[-500:]}")
-            elif legs.manifest() != gold[mass]:
-                tally.bad.append("wrong: another manifest than the gold build's")
         _check_same_code()
         runs = Counter(label for legs in places for label in _ran(legs))
         tally.done["steps"] += len(runs)
@@ -230,40 +224,32 @@ def _progress(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+def told(title: str, tally: Callable[[Path], Tally]) -> int:
+    """Run, print the figures, and give the number of what is bad."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="assetbuild-faults-") as name:
+        found = tally(Path(name))
+    print(f"{title}: {time.monotonic() - began:.0f} s")
+    for what, count in found.done.items():
+        print(f"  {what}: {count}")
+    print(f"  bad: {len(found.bad)}")
+    for line in found.bad[:20]:
+        print(f"    {line}")
+    return len(found.bad)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=300)
-    parser.add_argument("--chain", type=int, default=1, help="kills before each checked build")
     parser.add_argument("--rounds", type=int, default=50)
     parser.add_argument("--builds", type=int, default=8)
     parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
+    wanted = parser.parse_args()
     bad = 0
-    with tempfile.TemporaryDirectory(prefix="assetbuild-faults-") as name:
-        for title, wanted, run in (
-            (
-                "kills",
-                arguments.kills,
-                lambda f: kills(f, arguments.kills, arguments.chain, arguments.seed),
-            ),
-            (
-                "builds at once",
-                arguments.rounds,
-                lambda f: at_once(f, arguments.rounds, arguments.builds),
-            ),
-        ):
-            if not wanted:
-                continue
-            (Path(name) / title).mkdir()
-            began = time.monotonic()
-            tally = run(Path(name) / title)
-            print(f"{title}: {time.monotonic() - began:.0f} s")
-            for what, count in tally.done.items():
-                print(f"  {what}: {count}")
-            print(f"  bad: {len(tally.bad)}")
-            for line in tally.bad[:20]:
-                print(f"    {line}")
-            bad += len(tally.bad)
+    if wanted.kills:
+        bad += told("kills", lambda folder: kills(folder, wanted.kills, wanted.seed))
+    if wanted.rounds:
+        bad += told("builds at once", lambda folder: at_once(folder, wanted.rounds, wanted.builds))
     return 1 if bad else 0
 
 
