@@ -40,6 +40,7 @@ GIVEN = "[{set_limits: {joint: j1, lower: -1, upper: 1}}]"
 TENSOR = "[{set_inertia: {link: one, inertia: {ixx: 0.01, iyy: 0.01, izz: 0.01}}}]"
 FLAT = inertial(1.0, tensor(0.01, 0.01, 0.0201))
 """Beyond the triangle by 0.5 %, which MuJoCo refuses and we only warn of."""
+BAD = inertial(1.0, tensor(0.01, 0.01, 0.1))
 HALF = '<inertial><mass value="1"/></inertial>'
 PASSIVE = "actuators: [{joints: 'j.', model: passive}]\n"
 ROW = "actuators: [{joints: 'j.', model: pd, kp: 9, kd: 1, effort: 3}]\n"
@@ -52,6 +53,8 @@ ROW = "actuators: [{joints: 'j.', model: pd, kp: 9, kd: 1, effort: 3}]\n"
         (LOCKED, "", GIVEN, "", "joint.locked joint j1", "set_limits"),
         (LIMIT, FLAT, "[{balance_inertia: {link: one}}]", "", "inertia.triangle link one",
          "balance_inertia"),
+        (LIMIT, BAD, "[{balance_inertia: {link: one}}]", "", "inertia.triangle link one",
+         "balance_inertia"),
         (LIMIT, HALF, TENSOR, "", "urdf.inertial.incomplete link one", "set_inertia"),
         (WEAK, "", "[]", ROW, "joint.effort_zero joint j1", "actuators"),
         (WEAK, "", "[]", PASSIVE, "joint.effort_zero joint j1", "actuators"),
@@ -63,7 +66,7 @@ def test_what_an_edit_answers_is_information_that_names_it(
     limit: str, weight: str, edits: str, rows: str, key: str, by: str, tmp_path: Path
 ):
     before = found(tmp_path, limit, weight=weight)[key]
-    assert before.severity == "warning"
+    assert before.severity == ("error" if weight == BAD else "warning")
     after = found(tmp_path, limit, edits, weight, rows)[key]
     assert (after.severity, after.data["answered_by"]) == ("info", (by,))
     assert f"`{by}`" in after.message

@@ -25,15 +25,6 @@ def findings(folder: Path, *edits: str):
     return check(path)
 
 
-def test_lints_see_the_source_before_and_the_bodies_after(tmp_path):
-    found = findings(tmp_path, "balance_inertia: {link: tip}")
-    (triangle,) = (f for f in found if f.rule == "inertia.triangle")
-    assert triangle.severity == "info"  # of the raw link; the body has none any more
-    assert triangle.data["answered_by"] == ("balance_inertia",)
-    (edit,) = (f for f in found if f.rule == "edit.balance_inertia")
-    assert edit.data["after_smallest_kg_m2"] == pytest.approx(0.9)
-
-
 def test_an_edit_sees_the_names_that_the_one_before_gave(tmp_path):
     found = findings(tmp_path, "rename: {links: {tip: hand}}", "set_mass: {link: hand, mass: 3}")
     assert {f.subject for f in found if f.rule.startswith("edit")} == {"link hand"}
