@@ -13,8 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 class CacheServer(ThreadingHTTPServer):
     """Keeps `/ac/...` and `/cas/...` in memory. fault: how it misbehaves, "" = well.
 
-    limit: bytes above which it forgets files, chosen at random. forgets: the share of requests
-    after which it forgets another one. pause_s: before each answer.
+    forgets: the share of requests after which it forgets a file, chosen at random.
     connections: how many it has accepted.
     """
 
@@ -28,9 +27,7 @@ class CacheServer(ThreadingHTTPServer):
         self.headers_seen: list[dict[str, str]] = []
         self.fault = ""
         self.elsewhere = ""
-        self.limit = 1 << 60
         self.forgets = 0.0
-        self.pause_s = 0.0
         self.forgotten = 0
         self.connections = 0
         self.random = random.Random(0)
@@ -45,13 +42,11 @@ class CacheServer(ThreadingHTTPServer):
         self.connections += 1
         super().process_request(*request)
 
-    def forget(self, count: int = 0) -> None:
-        """So many files, and more if all are too large."""
+    def forget(self, count: int) -> None:
         with self.changing:
-            while self.files and (count > 0 or sum(map(len, self.files.values())) > self.limit):
-                del self.files[self.random.choice(sorted(self.files))]
+            for name in self.random.sample(sorted(self.files), min(count, len(self.files))):
+                del self.files[name]
                 self.forgotten += 1
-                count -= 1
 
     def handle_error(self, *_: object) -> None:
         """The client cut the connection; that is the test."""
@@ -77,7 +72,6 @@ class Handler(BaseHTTPRequestHandler):
             return
         with self.server.changing:
             self.server.files[self.path] = body
-        self.server.forget()
         self.plain(200, b"")
 
     def do_CONNECT(self) -> None:
@@ -85,7 +79,6 @@ class Handler(BaseHTTPRequestHandler):
         self.plain(502, b"")
 
     def note(self) -> None:
-        self.server.stopping.wait(self.server.pause_s)
         if self.server.random.random() < self.server.forgets:
             self.server.forget(1)
         self.server.asked.append((self.command, self.path))

@@ -144,7 +144,7 @@ def test_builds_are_right_while_everything_is_removed_all_the_time(tmp_path: Pat
 
 def test_where_no_store_can_be_the_build_runs_in_a_temporary_one(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    for impossible in (tmp_path / "file" / "store", Path("/proc/no/store")):
+    for impossible in (tmp_path / "file", tmp_path / "file" / "store", Path("/proc/no/store")):
         store = open_store(impossible)
         assert f"cannot write to the store {impossible}" in store.notice
         with Session(store) as session:

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 from random_robots import examples
 from steps_for_tests import Mix
 
-from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.graph import Node, Ref
-from assetbuild.engine.planner import Planner
+from assetbuild.engine.planner import Planner, settle
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store
+from assetbuild.engine.store import LostObjectError, Store
 
 SOURCES = 3
 
@@ -111,21 +110,11 @@ def build(
     specs: tuple[Spec, ...], paths: list[Path], store: Path, jobs: int
 ) -> tuple[dict[str, str], list[str]]:
     """Contents by label, and the labels of the steps that ran."""
-    ran: list[str] = []
-
-    def listen(event: Event) -> None:
-        if event.kind == "started":
-            ran.append(event.label)
-
     with Session(Store(store)) as session:
-        for _ in range(3):
-            planner = Planner(session)
-            plan(specs, paths, planner)
-            results = execute(planner.graph(), session, jobs=jobs, on_event=listen)
-            if not planner.questions:
-                break
-        assert not planner.questions
-        return {k: session.read(r["out"]).decode() for k, r in results.items()}, ran
+        done = settle(lambda planner: plan(specs, paths, planner), session, jobs=jobs)
+        assert done.whole
+        ran = [label for label, result in done.results.items() if result.status == "ran"]
+        return {k: session.read(r["out"]).decode() for k, r in done.results.items()}, ran
 
 
 @pytest.mark.slow
@@ -201,8 +190,6 @@ def spoil(files: list[Path], victim: int, fault: str) -> None:
 
 def read_healing(specs: tuple[Spec, ...], paths: list[Path], store: Path) -> dict[str, str]:
     """What the pipeline does: build, take the results out, and once more if one was lost."""
-    from assetbuild.engine.store import LostObjectError
-
     for _ in range(len(specs) + 10):
         try:
             return build(specs, paths, store, 1)[0]

@@ -144,12 +144,6 @@ def test_no_space_names_the_disk(store: Store, monkeypatch: pytest.MonkeyPatch):
         store.put_bytes(b"x")
 
 
-def test_a_store_in_place_of_a_file_is_a_clear_error(tmp_path: Path):
-    (tmp_path / "s").write_text("a file")
-    with pytest.raises(MachineError):
-        Store(tmp_path / "s")
-
-
 def test_leftovers_of_a_killed_build_go_and_those_of_a_running_one_stay(tmp_path: Path):
     program = f"""
 import os
