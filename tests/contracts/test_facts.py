@@ -37,37 +37,6 @@ from .conftest import OPTIONS, READERS
 Tensor = tuple[float, float, float, float, float, float]
 
 
-def rich() -> list[TinyRobot]:
-    """Robots that have everything between them."""
-    robot = tiny_quadruped()
-    control = robot.control
-    drives = [replace(row, stall=30.0) if hasattr(row, "stall") else row
-              for row in control.actuators]  # fmt: skip
-    models = ("velocity", "motor", "dc_motor", "ideal_pd")
-    drives[:4] = [replace(row, model=m) for row, m in zip(drives, models, strict=False)]
-    general = General(gainprm=(3.0,), dyntype="filter", dynprm=(0.1,))
-    drives[4] = replace(drives[4], model="general", general=general, name="fifth")
-    senses = (Sensor("gyro", "gyro", Place("frame", "trunk"), None, 1.0, 0.1),)
-    cameras = (Camera("eye", "trunk", Pose()),)
-    full = replace(control, actuators=tuple(drives), sensors=senses, cameras=cameras)
-    shapes = replace(robot.shapes, materials=(Material("red", (1.0, 0.0, 0.0, 1.0)),))
-    worn = tuple(replace(s, material="red") if s.role == "visual" else s for s in shapes.shapes)
-    whole = replace(robot, control=full, shapes=replace(shapes, shapes=worn))
-    follower, leader = (joint.name for joint in robot.tree.moving_joints[1:3])
-    led = with_mimic(robot, follower, leader, -2.0, 0.1)
-    return [whole, pendulum(), replace(led, links=led.tree), four_bar("weld")]
-
-
-@pytest.fixture(scope="module")
-def references(tmp_path_factory: pytest.TempPathFactory) -> list[Reference]:
-    """Of those robots."""
-    folder = tmp_path_factory.mktemp("rich")
-    return [
-        Reference.of_ports(write_robot_ports(folder / str(i), robot), OPTIONS)
-        for i, robot in enumerate(rich())
-    ]
-
-
 def with_drives(robot: TinyRobot, *models: str) -> TinyRobot:
     """Each joint has the next of these models."""
     rows = zip(robot.control.actuators, itertools.cycle(models), strict=False)
@@ -115,10 +84,16 @@ def odd() -> dict[str, TinyRobot]:
     hung = replace(arm.tree, X_world_root=tilt)
     soles = Contact(friction=(0.5, 0.01, 0.001), condim=6)
     motors = tuple(replace(row, motor="visual") for row in dog.control.actuators)
+    first, *others = dog.control.actuators
+    gain = General(gainprm=(3.0,), dyntype="filter", dynprm=(0.1,))
+    general = (replace(first, model="general", general=gain, name="own name"), *others)
+    stalled = replace(first, model="dc_motor", stall=30.0)
+    gyro = Sensor("gyro", "gyro", Place("frame", "trunk"), None, 1.0, 0.1)
     return {
         "quadruped": dog,
         "pendulum": arm,
         "loop": four_bar("connect"),
+        "weld": four_bar("weld"),
         "gripper": gripper(),
         "all models": with_drives(dog, "pd", "velocity", "ideal_pd", "dc_motor", "motor"),
         "slide": on(replace(swing, kind="prismatic", X_parent_joint=tilt, axis=skew)),
@@ -138,6 +113,9 @@ def odd() -> dict[str, TinyRobot]:
         "turned home": told(dog, keyframes=(Keyframe("lie", home.joints, tilt),)),
         "soft soles": told(dog, contacts=(("FR_foot_collision", soles),)),
         "more excludes": told(dog, excludes=(*dog.control.excludes, ("FL_hip", "FR_hip"))),
+        "general drive": told(dog, actuators=general),
+        "stalling motor": told(dog, actuators=(stalled, *others)),
+        "gyro": told(dog, sensors=(gyro,)),
         "cameras": told(dog, cameras=(Camera("a", "imu", tilt, 1.2), Camera("b", None, tilt))),
     }  # fmt: skip
 
@@ -147,6 +125,16 @@ AT_ONCE = {"gripper", "quadruped", "loop", "all models", "slide", "planar", "odd
            "kept body", "hung", "mimic chain", "turned home", "cameras"}  # fmt: skip
 """Those that between them have everything; the others are slow, as there are many."""
 CASES = [case if case in AT_ONCE else pytest.param(case, marks=pytest.mark.slow) for case in ODD]
+
+
+@pytest.fixture(scope="module")
+def references(tmp_path_factory: pytest.TempPathFactory) -> list[Reference]:
+    """Of those robots, which have everything between them."""
+    folder = tmp_path_factory.mktemp("odd")
+    return [
+        Reference.of_ports(write_robot_ports(folder / case, robot), OPTIONS)
+        for case, robot in ODD.items()
+    ]
 
 
 @pytest.mark.parametrize("case", CASES)
