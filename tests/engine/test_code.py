@@ -132,17 +132,9 @@ IMPORTS: dict[str, tuple[dict[str, str], set[str]]] = {
 @pytest.mark.parametrize("case", IMPORTS)
 def test_every_way_to_import_leads_to_a_module(package, tmp_path, case):
     files, expected = IMPORTS[case]
-    there = {
-        "other.py": "A = 1",
-        "further.py": "A = 1",
-        "unused.py": "A = 1",
-        "parts/other.py": "A = 1",
-    }
-    there |= {
-        "parts/__init__.py": "",
-        "deep/__init__.py": "",
-        "deep/below.py": "from .. import other\nA = 1",
-    }
+    there = dict.fromkeys(("other.py", "further.py", "unused.py", "parts/other.py"), "A = 1")
+    there |= {"parts/__init__.py": "", "deep/__init__.py": ""}
+    there["deep/below.py"] = "from .. import other\nA = 1"
     (tmp_path / "somewhere.py").write_text("A = 1")
     for name, text in (there | files).items():
         package.write(name, text.replace("{name}", package.name))

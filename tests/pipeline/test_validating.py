@@ -14,22 +14,16 @@ from assetbuild.pipeline.validating import GRAVITY, TIMESTEP_S, _fell, lost_file
 from assetbuild.simulators.experiments import Motion, Outcome, Setting
 
 
-def test_a_file_that_the_manifest_lists_must_be_there(tmp_path: Path):
-    rows = [{"path": name, "sha256": "0"} for name in ("NOTICE", "mjcf/legs.xml")]
+def test_a_lost_file_is_named_and_an_edited_one_of_a_plug_in_that_is_not_installed(tmp_path: Path):
+    files = ("mjcf/lost.xml", "mjcf/crate.xml", "sdf/crate.sdf", "sdf/same")
+    rows = [{"path": name, "sha256": digest_bytes(b"")} for name in files]
     (tmp_path / "manifest.json").write_text(json.dumps({"files": rows}))
-    (tmp_path / "NOTICE").touch()
-    lost = [(finding.rule, finding.where) for finding in lost_files(tmp_path)]
-    assert lost == [("equal.lost", "mjcf/legs.xml")]
-
-
-def test_an_edited_file_of_a_plug_in_that_is_not_installed_is_told(tmp_path: Path):
-    files = {name: digest_bytes(b"") for name in ("sdf/crate.sdf", "mjcf/crate.xml", "sdf/same")}
-    rows = [{"path": name, "sha256": digest} for name, digest in files.items()]
-    (tmp_path / "manifest.json").write_text(json.dumps({"files": rows}))
-    for name in files:
+    for name in files[1:]:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("" if name == "sdf/same" else "edited")
-    (edited,) = lost_files(tmp_path, {"sdf"})
+    lost = ("equal.lost", "mjcf/lost.xml")
+    assert [(found.rule, found.where) for found in lost_files(tmp_path)] == [lost]
+    (edited,) = (found for found in lost_files(tmp_path, {"sdf"}) if found.where != lost[1])
     assert (edited.where, "was edited" in edited.message) == ("sdf/crate.sdf", True)
 
 
