@@ -15,14 +15,10 @@ from pathlib import Path
 import grimp
 import networkx
 import pytest
+from workers import kind_of
 
-from assetbuild.collision import CollisionMethod
-from assetbuild.engine.children import SHARED, Kind, environment
+from assetbuild.engine.children import SHARED, environment
 from assetbuild.engine.code import Code
-from assetbuild.engine.step import Step
-from assetbuild.facts.reader import Reader
-from assetbuild.plugin_types import Check, Target
-from assetbuild.plugins import load_plugin, own_names
 from assetbuild.simulators.consumers import ConsumerCheck
 
 from .conftest import step_classes
@@ -70,27 +66,15 @@ LOADED = (
 )
 
 
-def kinds() -> list[tuple[Kind, list[type[Step]]]]:
-    """Each kind of worker with the plug-ins that ask for it."""
-    found: dict[Kind, list[type[Step]]] = {}
-    for group in (Check, Reader, Target, CollisionMethod):
-        for name in own_names(group):
-            step = load_plugin(group, name)
-            kind = Kind(step.preload, max(1, step.limits.cpus), step.network)
-            found.setdefault(kind, []).append(step)
-    return list(found.items())
-
-
-@pytest.mark.parametrize(("kind", "steps"), kinds(), ids=lambda each: str(each)[:40])
-def test_a_worker_has_no_heavy_library_that_its_steps_do_not_name(
-    kind: Kind, steps: list[type[Step]], tmp_path: Path
-):
-    modules = [*SHARED, *kind.preload, *sorted({step.__module__ for step in steps})]
-    made = subprocess.run(
-        [sys.executable, "-c", LOADED, *modules],
-        env=environment(kind, tmp_path) | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        check=True,
-    )
-    named = {module.partition(".")[0] for module in kind.preload}
-    assert HEAVY & set(json.loads(made.stdout)) <= named
+def test_a_worker_has_no_heavy_library_that_its_steps_do_not_name(tmp_path: Path):
+    steps = [step for step in step_classes() if not step.in_parent]
+    for kind in dict.fromkeys(kind_of(step) for step in steps):
+        own = {step.__module__ for step in steps if kind_of(step) == kind}
+        made = subprocess.run(
+            [sys.executable, "-c", LOADED, *SHARED, *kind.preload, *sorted(own)],
+            env=environment(kind, tmp_path) | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            capture_output=True,
+            check=True,
+        )
+        named = {module.partition(".")[0] for module in kind.preload}
+        assert HEAVY & set(json.loads(made.stdout)) <= named, (kind, own)
