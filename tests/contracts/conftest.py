@@ -1,8 +1,7 @@
-"""All steps of the package, what their keys hold of its code, and a copy of it to edit."""
+"""All steps of the package, and what their keys hold of its code."""
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -35,11 +34,3 @@ def step_classes() -> list[type[Step]]:
 @pytest.fixture(scope="module")
 def code() -> Code:
     return Code()
-
-
-@pytest.fixture(scope="module")
-def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a copy of the package, for one test at a time to edit."""
-    folder = tmp_path_factory.mktemp("copy")
-    shutil.copytree(PACKAGE, folder / "assetbuild", ignore=shutil.ignore_patterns("__pycache__"))
-    return folder

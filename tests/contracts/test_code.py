@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -205,9 +204,6 @@ def test_these_runs_are_of_every_step(runs: list[Seen]):
     assert {step.__module__ for step in step_classes()} - ran == ELSEWHERE.keys()
 
 
-# -- a changed statement
-
-
 COMPUTED_WITH = {
     "assetbuild.engine.digest": "downloads are compared with the lock by their digests",
     "assetbuild.engine.confine": "what a xacro and a trainer's module may do and open",
@@ -228,50 +224,6 @@ def test_steps_compute_with_these_modules_of_the_engine_and_no_others(code: Code
         if name.startswith("assetbuild.engine")
     }
     assert found == COMPUTED_WITH.keys()
-
-
-KEYS = """\
-import importlib, json, sys
-from pathlib import Path
-from assetbuild.engine import code as code_module
-from assetbuild.engine.code import Code
-package = Path(code_module.__file__).parents[1]
-assert package == Path(sys.argv[1]) / "assetbuild"
-steps = [(m, getattr(importlib.import_module(m), c)) for m, c in json.loads(sys.argv[2])]
-
-texts = {path: path.read_bytes() for path in package.rglob("*.py")}
-
-def look(more=b""):
-    for path, text in texts.items():
-        path.write_bytes(text + more)
-    code_module._FIRST_SEEN.clear()
-    code = Code()
-    return {module: code.of(step).modules for module, step in steps}
-
-print(json.dumps([look(), look(b"\\n# a comment\\n"), look(b"\\nADDED_STATEMENT = 1\\n")]))
-look()
-"""
-
-
-@pytest.mark.slow
-def test_a_changed_statement_changes_the_keys_of_the_steps_that_reach_it_and_no_others(copy: Path):
-    """A key holds a digest of each module, so all modules can be edited at once."""
-    steps = json.dumps(sorted((each.__module__, each.__name__) for each in step_classes()))
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", KEYS, str(copy), steps],
-        env={**os.environ, "PYTHONPATH": str(copy)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
-    before, by_comment, by_statement = json.loads(done.stdout)
-    assert by_comment == before
-    for step, modules in before.items():
-        for name, digest in modules.items():
-            assert by_statement[step][name] != digest, (step, name)
-        for name in by_statement[step].keys() - modules.keys():  # held nothing until now
-            assert any(other.startswith(f"{name}.") for other in modules), (step, name)
 
 
 def test_the_closures_are_those_of_another_reader_of_imports(code: Code):

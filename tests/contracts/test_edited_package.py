@@ -12,6 +12,8 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from .conftest import PACKAGE
+
 ROBOTS = Path(__file__).parents[1] / "robots"
 LEGS = """\
 schema: assetbuild/v1
@@ -54,9 +56,9 @@ class Edited:
 
 
 @pytest.fixture
-def edited(tmp_path: Path, copy: Path) -> Edited:
-    package = tmp_path / "package"
-    shutil.copytree(copy, package)
+def edited(tmp_path: Path) -> Edited:
+    package, caches = tmp_path / "package", shutil.ignore_patterns("__pycache__")
+    shutil.copytree(PACKAGE, package / "assetbuild", ignore=caches)
     return Edited(tmp_path, package)
 
 
