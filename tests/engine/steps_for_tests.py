@@ -138,6 +138,10 @@ class Misbehave(Step):
         seen |= {"home_files": sorted(p.name for p in Path.home().iterdir())}
         (files.outputs / "out").write_text(json.dumps(seen))
 
+    def do_leave_a_child(self, files: Files) -> None:
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        (files.outputs / "out").write_text(str(child.pid))
+
     def do_print(self, files: Files) -> None:
         print("printed by the step")
         os.write(2, b"native message\n")
@@ -186,7 +190,7 @@ class Slow(Step):
 
 
 class Preloaded(Step):
-    """Says whether its module was imported before the fork, and by which process."""
+    """Says whether its module was imported before the fork, by which process, and of threads."""
 
     outputs = ("out",)
     isolated: ClassVar[bool] = True
@@ -194,7 +198,8 @@ class Preloaded(Step):
     salt: int = 0
 
     def run(self, files: Files) -> Iterable[Finding]:
-        seen = {"loaded": "colorsys" in sys.modules, "worker": os.getppid()}
+        seen = {"loaded": self.preload[0] in sys.modules, "worker": os.getppid()}
+        seen["threads"] = threading.active_count()
         (files.outputs / "out").write_text(json.dumps(seen))
         return ()
 
@@ -283,20 +288,3 @@ def flip(path: Path) -> None:
 
 class PreloadedWithThreads(Preloaded):
     preload: ClassVar[tuple[str, ...]] = ("threaded_for_tests",)
-
-    def run(self, files: Files) -> Iterable[Finding]:
-        seen = {"loaded": "threaded_for_tests" in sys.modules, "threads": threading.active_count()}
-        (files.outputs / "out").write_text(json.dumps(seen))
-        return ()
-
-
-class LeavesAChild(Step):
-    """Starts a process of its own and ends without waiting for it."""
-
-    outputs = ("out",)
-    isolated: ClassVar[bool] = True
-
-    def run(self, files: Files) -> Iterable[Finding]:
-        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-        (files.outputs / "out").write_text(str(child.pid))
-        return ()
