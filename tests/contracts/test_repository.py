@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-import ast
 import doctest
 import importlib
 import re
 from pathlib import Path
 
-import assetbuild
+from .conftest import PACKAGE
 
-TESTS = Path(__file__).parents[1]
-PACKAGE = TESTS.parent / "assetbuild"
-FILES = sorted(str(path.relative_to(TESTS)) for path in TESTS.rglob("test_*.py"))
-
-
-def opening(text: str) -> str | None:
-    """The first line of a module's docstring; None where there is none."""
-    told = ast.get_docstring(ast.parse(text))
-    return told.splitlines()[0] if told else None
+ROOT = Path(__file__).parents[2]
+TESTS = ROOT / "tests"
 
 
 def test_each_test_file_opens_with_a_sentence():
-    for file in FILES:
-        said = opening((TESTS / file).read_text(encoding="utf-8"))
-        assert said, f"tests/{file} has no docstring: say in a sentence what it tests"
-        assert len(said.split()) > 2, f"tests/{file}: `{said}` is no sentence"
-
-
-def test_a_file_without_one_is_found():
-    assert opening("import numpy\n") is None
+    for file in TESTS.rglob("test_*.py"):
+        first = file.read_text(encoding="utf-8").partition("\n")[0]
+        assert first.startswith('"""'), f"{file} has no docstring: say in a sentence what it tests"
+        assert len(first.split()) > 2, f"{file}: `{first}` is no sentence"
 
 
 BESIDE_THE_ROOMS = {"contracts", "corpus", "docs", "mutations", "writers"}
@@ -42,7 +30,6 @@ def test_the_folders_of_tests_are_the_rooms_of_the_package():
     assert tested <= rooms | BESIDE_THE_ROOMS
 
 
-ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "tests/faults/faults.md"
 
 
@@ -64,18 +51,15 @@ def test_nothing_is_ever_unpickled():
         r"^\s*(import|from) (pickle|marshal|shelve|dill|joblib|cloudpickle)\b|allow_pickle=True",
         re.MULTILINE,
     )
-    found = [p for p in (ROOT / "assetbuild").rglob("*.py") if unsafe.search(p.read_text())]
+    found = [path for path in PACKAGE.rglob("*.py") if unsafe.search(path.read_text())]
     assert found == []
-
-
-OURS = Path(assetbuild.__file__).parent
 
 
 def test_examples_in_docstrings_are_true():
     tried = 0
-    for path in OURS.rglob("*.py"):
+    for path in PACKAGE.rglob("*.py"):
         if re.search(r"^ +>>> ", path.read_text(encoding="utf-8"), re.MULTILINE):
-            name = ".".join(path.relative_to(OURS.parent).with_suffix("").parts)
+            name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
             done = doctest.testmod(importlib.import_module(name))
             assert done.failed == 0, name
             tried += done.attempted
