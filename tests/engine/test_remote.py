@@ -16,7 +16,7 @@ from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.engine.store import Store
 from assetbuild.errors import UsageError
 
-QUICK = Budget(request_s=0.5, lost_s=1.0, object_bytes=1 << 20)
+QUICK = Budget(request_s=0.3, lost_s=0.6, object_bytes=1 << 20)
 
 
 def outputs(results: dict[str, NodeResult]) -> list[object]:
