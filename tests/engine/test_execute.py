@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from pathlib import Path
@@ -38,14 +39,13 @@ def statuses(results: dict[str, NodeResult]) -> list[str]:
 
 def test_a_child_makes_what_this_process_makes_and_a_second_build_replays_it(tmp_path, source):
     made = []
-    for kind in (MixInParent, MixInChild):
-        for statuses_now in (["ran"] * 3, ["cached"] * 3):
-            with Session(Store(tmp_path / kind.__name__)) as session:
-                results = execute(chain(session, source, kind), session)
-            assert statuses(results) == statuses_now
-            made.append([(r.outputs, r.findings) for r in results.values()])
-            if statuses_now[0] == "ran":
-                assert all((r.cpu_seconds > 0) == (kind is MixInChild) for r in results.values())
+    for kind, status in itertools.product((MixInParent, MixInChild), ("ran", "cached")):
+        with Session(Store(tmp_path / kind.__name__)) as session:
+            results = execute(chain(session, source, kind), session)
+        assert statuses(results) == [status] * 3
+        made.append([(result.outputs, result.findings) for result in results.values()])
+        in_child = kind is MixInChild and status == "ran"
+        assert all((result.cpu_seconds > 0) == in_child for result in results.values())
     assert all(findings for _, findings in made[0])
     assert made == made[:1] * 4
 
