@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.engine.claims import release
-from assetbuild.engine.digest import digest_file
+from assetbuild.engine.digest import digest_bytes, digest_file
 from assetbuild.errors import MachineError, UsageError
 from assetbuild.pipeline import publish as module
 from assetbuild.pipeline.publish import (
@@ -20,6 +20,7 @@ from assetbuild.pipeline.publish import (
     publish,
 )
 
+HERE = Path(__file__).parent
 EXCHANGE_POINTS = ["kept the user's files", "exchanged", "removed the old one"]
 RENAME_POINTS = [
     "kept the user's files",
@@ -97,15 +98,10 @@ def test_what_the_user_did_is_kept_and_reported(out: Path, way: str):
     assert content(aside) == {"mjcf/go1.xml": "edited", "notes/mine.txt": "mine"}
     assert "notes/mine.txt" not in content(out)
     (out / "mjcf/go1.xml").write_text("edited again")
-    make(out, "three", manifest_of_two(out))
+    two = {name: digest_bytes(f"two {name}".encode()) for name in old}
+    make(out, "three", two)
     assert content(aside)["mjcf/go1.xml"] == "edited"
     assert content(aside)["mjcf/go1.xml.1"] == "edited again"
-
-
-def manifest_of_two(out: Path) -> dict[str, str]:
-    from assetbuild.engine.digest import digest_bytes
-
-    return {n: digest_bytes(f"two {n}".encode()) for n in ("mjcf/go1.xml", "urdf/go1.urdf")}
 
 
 def test_a_folder_that_is_no_bundle_is_refused_and_stays(out: Path):
@@ -159,17 +155,11 @@ def test_a_folder_without_permission_is_the_machines_lack(out: Path):
         new_staging(out)
 
 
-KILLED = """
-import os, sys
-from pathlib import Path
-sys.path.insert(0, {folder!r})
-from assetbuild.pipeline import publish as module
-from test_publish import make
-if {way!r} == "two renames":
-    module._exchange = lambda one, other: False
-module._at = lambda point: os._exit(9) if point == {point!r} else None
-make(Path({out!r}), "two", {old!r})
-"""
+def make_and_die(out: str, way: str, point: str, old: dict[str, str]) -> None:
+    if way == "two renames":
+        module._exchange = lambda one, other: False
+    module._at = lambda reached: os._exit(9) if reached == point else None
+    make(Path(out), "two", old)
 
 
 @pytest.mark.parametrize(
@@ -182,11 +172,9 @@ def test_killed_at_any_point_a_whole_bundle_is_there_after_the_next_call(out, wa
     old = manifest(out)
     (out / "urdf/go1.urdf").write_text("edited by the user")
     whole_old = content(out)
-    program = KILLED.format(
-        folder=str(Path(__file__).parent), way=way, point=point, out=str(out), old=old
-    )
-    ended = subprocess.run([sys.executable, "-c", program], check=False)
-    assert ended.returncode == 9
+    call = f"from test_publish import *; make_and_die(*{(str(out), way, point, old)})"
+    words = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(HERE)!r}); {call}"]
+    assert subprocess.run(words, check=False).returncode == 9
     if way == "exchange":
         assert out.is_dir()
     if point == "retired the old one":  # what is being removed must never be put back
