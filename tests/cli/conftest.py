@@ -7,7 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import commands
@@ -34,20 +34,16 @@ def hear_ctrl_c() -> None:
 
 
 @dataclass
-class Workplace:
-    """A folder with `recipes/go1.yaml`, a copy of the robot, and a store."""
+class Place:
+    """A folder with a recipe and its robot, and a store. name: of the recipe, from the folder."""
 
     folder: Path
     store: Path
-    environment: dict[str, str] = field(default_factory=dict)
+    name: str = "legs.yaml"
 
     @property
     def recipe(self) -> Path:
-        return self.folder / "recipes" / "go1.yaml"
-
-    @property
-    def bundle(self) -> Path:
-        return self.folder / "build" / "go1"
+        return self.folder / self.name
 
     @property
     def robot(self) -> Path:
@@ -55,37 +51,51 @@ class Workplace:
 
     @property
     def urdf(self) -> Path:
-        return self.robot / "robots/go1_description/urdf/go1.urdf"
+        """Of the four legs."""
+        return self.robot / "four_legs.urdf"
 
-    def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        return commands.run(words, self.folder, self.env(**environment), timeout=600)
+    @property
+    def bundle(self) -> Path:
+        return self.folder / "build" / self.recipe.stem
+
+    def manifest(self) -> bytes:
+        return (self.bundle / "manifest.json").read_bytes()
 
     def command(self, *words: str) -> list[str]:
         return commands.command(*words)
 
     def env(self, **more: str) -> dict[str, str]:
         kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
-        return kept | {"ASSETBUILD_CACHE": str(self.store)} | self.environment | more
+        return kept | {"ASSETBUILD_CACHE": str(self.store)} | more
+
+    def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        return commands.run(words, self.folder, self.env(**environment), timeout=600)
 
     def build(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        return self.run("build", "recipes/go1.yaml", *words, **environment)
+        return self.run("build", self.name, *words, **environment)
+
+    def steps(self) -> dict[str, str]:
+        """Status of each step in the last build."""
+        log = json.loads(self.bundle.with_name(f"{self.bundle.name}.run.json").read_text())
+        return {label: step["status"] for label, step in log["steps"].items()}
 
     def ran(self) -> set[str]:
-        """Labels of the steps that ran in the last build."""
-        log = json.loads((self.folder / "build" / "go1.run.json").read_text())
-        return {label for label, step in log["steps"].items() if step["status"] == "ran"}
+        """Build; labels of the steps that ran."""
+        done = self.build()
+        assert done.returncode == 0, done.stdout + done.stderr
+        return {label for label, status in self.steps().items() if status == "ran"}
 
-    def edit_recipe(self, old: str, new: str) -> None:
+    def edit(self, old: str, new: str) -> None:
+        """Change the recipe."""
         text = self.recipe.read_text()
         assert old in text
         self.recipe.write_text(text.replace(old, new))
 
 
-def new_workplace(folder: Path, go1_root: Path, store: Path) -> Workplace:
+def new_go1(folder: Path, go1_root: Path, store: Path) -> Place:
     """Go1 as a `path` source: a copy that a test may edit."""
-    place = Workplace(folder, store)
-    source = go1_root / "robots/go1_description"
-    shutil.copytree(source, folder / "robot/robots/go1_description")
+    place = Place(folder, store, "recipes/go1.yaml")
+    shutil.copytree(go1_root / "robots/go1_description", place.robot / "robots/go1_description")
     place.recipe.parent.mkdir(parents=True)
     place.recipe.write_text(from_path(RECIPE.read_text()))
     return place
@@ -102,76 +112,28 @@ def built_store(tmp_path_factory: pytest.TempPathFactory, go1_root: Path) -> Pat
     """A store that holds a finished build of Go1, of all workers: tests work on copies."""
 
     def build(store: Path) -> None:
-        done = new_workplace(tmp_path_factory.mktemp("first"), go1_root, store).build()
-        assert done.returncode == 0, done.stdout + done.stderr
+        new_go1(tmp_path_factory.mktemp("first"), go1_root, store).ran()
 
     return made_once("go1-store", build, tmp_path_factory)
 
 
 @pytest.fixture
-def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Workplace:
-    """A workplace whose store is warm."""
-    return new_workplace(tmp_path, go1_root, shutil.copytree(built_store, tmp_path / "warm-store"))
+def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Place:
+    """Go1 with a store in which every step is done."""
+    return new_go1(tmp_path, go1_root, shutil.copytree(built_store, tmp_path / "warm-store"))
+
+
+def new_legs(folder: Path, store: Path | None = None) -> Place:
+    """A robot without meshes: built in a moment."""
+    place = Place(folder, store or folder / "store")
+    place.robot.mkdir(parents=True)
+    shutil.copyfile(LEGS, place.urdf)
+    place.recipe.write_text(LEGS_RECIPE)
+    return place
 
 
 @pytest.fixture
-def cold_place(tmp_path: Path, go1_root: Path) -> Workplace:
-    """A workplace with an empty store."""
-    return new_workplace(tmp_path / "cold", go1_root, tmp_path / "store")
-
-
-@dataclass
-class Legs:
-    """A folder with `legs.yaml`, a robot without meshes, and a store: built in a moment."""
-
-    folder: Path
-    store: Path
-
-    @property
-    def recipe(self) -> Path:
-        return self.folder / "legs.yaml"
-
-    @property
-    def urdf(self) -> Path:
-        return self.folder / "robot/four_legs.urdf"
-
-    @property
-    def bundle(self) -> Path:
-        return self.folder / "build/legs"
-
-    def command(self, *words: str) -> list[str]:
-        return commands.command(*words)
-
-    def env(self, **more: str) -> dict[str, str]:
-        kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
-        return kept | {"ASSETBUILD_CACHE": str(self.store)} | more
-
-    def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        return commands.run(words, self.folder, self.env(**environment))
-
-    def build(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        return self.run("build", "legs.yaml", *words, **environment)
-
-    def steps(self) -> dict[str, str]:
-        """Status of each step in the last build."""
-        log = json.loads((self.folder / "build/legs.run.json").read_text())
-        return {label: step["status"] for label, step in log["steps"].items()}
-
-    def edit(self, old: str, new: str) -> None:
-        text = self.recipe.read_text()
-        assert old in text
-        self.recipe.write_text(text.replace(old, new))
-
-
-def new_legs(folder: Path, store: Path | None = None) -> Legs:
-    (folder / "robot").mkdir(parents=True)
-    shutil.copyfile(LEGS, folder / "robot/four_legs.urdf")
-    (folder / "legs.yaml").write_text(LEGS_RECIPE)
-    return Legs(folder, store or folder / "store")
-
-
-@pytest.fixture
-def legs(tmp_path: Path) -> Legs:
+def legs(tmp_path: Path) -> Place:
     return new_legs(tmp_path / "legs")
 
 
@@ -180,13 +142,21 @@ def legs_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store that holds a finished build of the legs, of all workers: tests work on copies."""
 
     def build(store: Path) -> None:
-        done = new_legs(tmp_path_factory.mktemp("first") / "legs", store).build()
-        assert done.returncode == 0, done.stdout + done.stderr
+        new_legs(tmp_path_factory.mktemp("first") / "legs", store).ran()
 
     return made_once("legs-store", build, tmp_path_factory)
 
 
 @pytest.fixture
-def warm_legs(tmp_path: Path, legs_store: Path) -> Legs:
+def warm_legs(tmp_path: Path, legs_store: Path) -> Place:
     """The four legs with a store in which every step is done."""
     return new_legs(tmp_path / "legs", shutil.copytree(legs_store, tmp_path / "warm-store"))
+
+
+@pytest.fixture(scope="module")
+def built_legs(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Place:
+    """The four legs with their bundle, of all tests of a module: put right what you change."""
+    folder = tmp_path_factory.mktemp("built")
+    legs = new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store"))
+    assert legs.build().returncode == 0
+    return legs

@@ -14,7 +14,7 @@ import pytest
 
 from tests.benchmarks import beside_gold
 
-from .conftest import Workplace, from_path
+from .conftest import Place, from_path
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow  # whole builds of a real robot
@@ -31,7 +31,7 @@ CONTROL_READERS = {
 }
 
 
-def built(place: Workplace) -> set[str]:
+def built(place: Place) -> set[str]:
     """Build; the labels of the steps that ran."""
     done = place.build()
     assert done.returncode == 0, done.stdout + done.stderr
@@ -39,7 +39,7 @@ def built(place: Workplace) -> set[str]:
 
 
 def test_the_bundle_is_whole_and_verified_and_loads_wherever_it_is_moved(
-    place: Workplace, tmp_path: Path
+    place: Place, tmp_path: Path
 ):
     built(place)
     for path in (
@@ -67,7 +67,7 @@ def test_the_bundle_is_whole_and_verified_and_loads_wherever_it_is_moved(
     assert place.run("verify", str(moved)).returncode == 0
 
 
-def test_the_readme_shows_what_a_build_of_its_recipe_says(place: Workplace):
+def test_the_readme_shows_what_a_build_of_its_recipe_says(place: Place):
     place.recipe.write_text(from_path((ROOT / "recipes/go1_minimal.yaml").read_text()))
     done = place.build()
     shown = re.search(r"```text\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
@@ -77,7 +77,7 @@ def test_the_readme_shows_what_a_build_of_its_recipe_says(place: Workplace):
         assert any(said.startswith(start) for said in done.stdout.splitlines()), line
 
 
-def test_an_edit_runs_only_the_steps_that_read_what_changed(place: Workplace):
+def test_an_edit_runs_only_the_steps_that_read_what_changed(place: Place):
     """A comment in the URDF, a mesh saved anew with the same geometry, a gain in the recipe."""
     built(place)
     before = _lines_of_findings(place)
@@ -103,7 +103,7 @@ def test_an_edit_runs_only_the_steps_that_read_what_changed(place: Workplace):
     assert re.search(r"rows\[0\]\.kp: 80(\.0)? -> 90", told), told
 
 
-def test_what_the_user_edited_in_the_bundle_is_kept_aside_and_restored(place: Workplace):
+def test_what_the_user_edited_in_the_bundle_is_kept_aside_and_restored(place: Place):
     built(place)
     model = place.bundle / "mjcf/go1.xml"
     original = model.read_bytes()
@@ -115,7 +115,7 @@ def test_what_the_user_edited_in_the_bundle_is_kept_aside_and_restored(place: Wo
 
 
 def test_every_difference_from_the_hand_made_model_of_menagerie_has_a_reason(
-    place: Workplace, capsys: pytest.CaptureFixture[str]
+    place: Place, capsys: pytest.CaptureFixture[str]
 ):
     if not os.environ.get("ASSETBUILD_SHARED"):
         pytest.skip("the gold tables are not here: set ASSETBUILD_SHARED (docs/contributing.md)")
@@ -123,7 +123,7 @@ def test_every_difference_from_the_hand_made_model_of_menagerie_has_a_reason(
     assert beside_gold.main(str(place.bundle)) == 0, capsys.readouterr().out
 
 
-def _lines_of_findings(place: Workplace) -> dict[tuple[str, str], int]:
+def _lines_of_findings(place: Place) -> dict[tuple[str, str], int]:
     report = json.loads((place.bundle / "report/report.json").read_text())
     return {
         (f["rule"], f["subject"]): int(f["where"].rsplit(":", 1)[1])

@@ -14,7 +14,7 @@ from PIL import Image
 from tiny import stl
 from urdfs import inertial, link, mesh, robot, shape
 
-from .conftest import Workplace
+from .conftest import Place
 
 URDF = robot(link("base", inertial(), shape("visual", mesh("{mesh}"))))
 RECIPE = """schema: assetbuild/v1
@@ -67,11 +67,11 @@ CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
 
 
 @pytest.fixture
-def tiny(tmp_path: Path) -> Workplace:
-    return Workplace(tmp_path / "work", tmp_path / "store")
+def tiny(tmp_path: Path) -> Place:
+    return Place(tmp_path / "work", tmp_path / "store")
 
 
-def refused(place: Workplace, code: int, says: str, source: str, main: str) -> None:
+def refused(place: Place, code: int, says: str, source: str, main: str) -> None:
     (place.folder / "r.yaml").write_text(RECIPE.format(path=source, main=main))
     outside = place.folder.parent / "temporary"
     outside.mkdir()
@@ -92,7 +92,7 @@ def everything(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_hostile_file_is_one_error(tiny: Workplace, name: str):
+def test_a_hostile_file_is_one_error(tiny: Place, name: str):
     files, code, says = CASES[name]
     for path, data in files.items():
         target = tiny.folder / "robot" / path
@@ -101,7 +101,7 @@ def test_a_hostile_file_is_one_error(tiny: Workplace, name: str):
     refused(tiny, code, says, "robot", "urdf: r.urdf")
 
 
-def test_a_link_out_of_the_source_is_one_error(tiny: Workplace):
+def test_a_link_out_of_the_source_is_one_error(tiny: Place):
     (tiny.folder / "robot").mkdir(parents=True)
     (tiny.folder / "secret.stl").write_bytes(stl(CORNERS))
     (tiny.folder / "robot/r.urdf").write_text(URDF.format(mesh="m.stl"))
@@ -109,7 +109,7 @@ def test_a_link_out_of_the_source_is_one_error(tiny: Workplace):
     refused(tiny, 2, "is a link that leads out of the source", "robot", "urdf: r.urdf")
 
 
-def test_an_archive_that_escapes_is_one_error(tiny: Workplace):
+def test_an_archive_that_escapes_is_one_error(tiny: Place):
     tiny.folder.mkdir()
     with zipfile.ZipFile(tiny.folder / "robot.zip", "w") as archive:
         archive.writestr("r.urdf", URDF.format(mesh="m.stl"))
@@ -117,7 +117,7 @@ def test_an_archive_that_escapes_is_one_error(tiny: Workplace):
     refused(tiny, 2, "escaped.stl", "robot.zip", "urdf: r.urdf")
 
 
-def test_every_broken_mesh_is_named_at_once(tiny: Workplace):
+def test_every_broken_mesh_is_named_at_once(tiny: Place):
     (tiny.folder / "robot").mkdir(parents=True)
     meshes = {
         "a.stl": stl(CORNERS, count=9),
@@ -140,7 +140,7 @@ def test_every_broken_mesh_is_named_at_once(tiny: Workplace):
     assert not (tiny.folder / "build").exists()
 
 
-def test_a_xacro_that_includes_a_file_outside_is_one_error(tiny: Workplace):
+def test_a_xacro_that_includes_a_file_outside_is_one_error(tiny: Place):
     (tiny.folder / "robot").mkdir(parents=True)
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     (tiny.folder / "secret.xacro").write_text(f'{head}<link name="secret"/></robot>')

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Workplace, hear_ctrl_c
+from .conftest import Place, hear_ctrl_c
 
 
 def descendants(pid: int) -> set[int]:
@@ -46,7 +46,7 @@ def is_alive(pid: int) -> bool:
     ],
 )
 def test_an_interrupted_build_leaves_nothing_running(
-    cold_place: Workplace, number: signal.Signals, times: int, code: int
+    cold_place: Place, number: signal.Signals, times: int, code: int
 ):
     build = subprocess.Popen(
         cold_place.command("build", "recipes/go1.yaml"),

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
-from .conftest import Legs, new_legs
+from .conftest import Place
 
+pytestmark = pytest.mark.slow
 KILL_AT_SWAP = """
 import os, signal, sys
 from assetbuild.pipeline import publish
@@ -23,15 +22,7 @@ sys.exit(main())
 """
 
 
-@pytest.fixture(scope="module")
-def undisturbed(legs_store: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    folder = tmp_path_factory.mktemp("undisturbed")
-    place = new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store"))
-    assert place.build().returncode == 0
-    return (place.bundle / "manifest.json").read_bytes()
-
-
-def kill_after(place: Legs, seconds: float) -> bool:
+def kill_after(place: Place, seconds: float) -> bool:
     """Start a build and kill it with all its children; False when it was done before."""
     child = subprocess.Popen(
         place.command("build", "legs.yaml"),
@@ -49,18 +40,16 @@ def kill_after(place: Legs, seconds: float) -> bool:
     return killed
 
 
-@pytest.mark.slow
-def test_killed_eight_times_while_it_builds(legs: Legs, undisturbed: bytes):
+def test_killed_eight_times_while_it_builds(legs: Place, built_legs: Place):
     kills = [kill_after(legs, seconds) for seconds in (0.4, 0.8, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)]
     assert sum(kills) >= 2  # a fast machine is done before the last
     done = legs.build()
     assert done.returncode == 0, done.stdout + done.stderr
-    assert (legs.bundle / "manifest.json").read_bytes() == undisturbed
+    assert legs.manifest() == built_legs.manifest()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("point", ["kept the user's files", "exchanged"])
-def test_killed_while_the_bundle_is_swapped(warm_legs: Legs, undisturbed: bytes, point: str):
+def test_killed_while_the_bundle_is_swapped(warm_legs: Place, built_legs: Place, point: str):
     assert warm_legs.build().returncode == 0
     (warm_legs.bundle / "model_card.md").unlink()  # a bundle that lies there whole is not swapped
     code = KILL_AT_SWAP.replace("POINT", repr(point))
@@ -68,7 +57,7 @@ def test_killed_while_the_bundle_is_swapped(warm_legs: Legs, undisturbed: bytes,
         [sys.executable, "-c", code], cwd=warm_legs.folder, env=warm_legs.env(), capture_output=True
     )
     assert done.returncode == -signal.SIGKILL, done.stderr
-    assert (warm_legs.bundle / "manifest.json").is_file()  # old or new, whole
+    assert warm_legs.manifest()  # old or new, whole
     assert warm_legs.build("--rehash").returncode == 0
-    assert (warm_legs.bundle / "manifest.json").read_bytes() == undisturbed
+    assert warm_legs.manifest() == built_legs.manifest()
     assert [p.name for p in warm_legs.bundle.parent.iterdir() if ".new-" in p.name] == []

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Legs, new_legs
+from .conftest import Place, new_legs
 
 POINTER = (
     "version https://git-lfs.github.com/spec/v1\n"
@@ -30,7 +30,7 @@ MJCF = """<mujoco><asset><mesh name="part" file="part.obj"/></asset>
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Legs:
+def place(tmp_path: Path) -> Place:
     """A robot with a mesh, its material and its picture; tests put a pointer in place of one."""
     legs = new_legs(tmp_path / "place")
     for name, text in {"part.obj": OBJ, "robot.urdf": URDF, "robot.xml": MJCF}.items():
@@ -57,7 +57,7 @@ def place(tmp_path: Path) -> Legs:
         ("mjcf: robot.xml", "part.obj"),
     ],
 )
-def test_a_pointer_in_the_place_of_a_file_is_called_that(place: Legs, key: str, pointer: str):
+def test_a_pointer_in_the_place_of_a_file_is_called_that(place: Place, key: str, pointer: str):
     place.edit("urdf: four_legs.urdf", key)
     (place.folder / "robot" / pointer).write_text(POINTER)
     done = place.build()
@@ -68,7 +68,7 @@ def test_a_pointer_in_the_place_of_a_file_is_called_that(place: Legs, key: str, 
     assert hint == HINT
 
 
-def test_an_archive_that_is_a_pointer_and_a_member_that_is_one(place: Legs):
+def test_an_archive_that_is_a_pointer_and_a_member_that_is_one(place: Place):
     place.edit("path: robot, urdf: four_legs.urdf", "path: robot.zip, urdf: robot.urdf")
     archive = place.folder / "robot.zip"
     archive.write_text(POINTER)
@@ -83,7 +83,7 @@ def test_an_archive_that_is_a_pointer_and_a_member_that_is_one(place: Legs):
     assert HINT in done.stderr
 
 
-def test_a_recipe_that_is_a_pointer_and_init_of_one(place: Legs):
+def test_a_recipe_that_is_a_pointer_and_init_of_one(place: Place):
     place.recipe.write_text(POINTER)
     (place.folder / "robot/robot.urdf").write_text(POINTER)
     for words in (("build", "legs.yaml"), ("init", "robot/robot.urdf", "-o", "-")):
@@ -93,16 +93,16 @@ def test_a_recipe_that_is_a_pointer_and_init_of_one(place: Legs):
         assert HINT in done.stderr
 
 
-def patch(legs: Legs, *rows: str) -> None:
+def patch(legs: Place, *rows: str) -> None:
     legs.edit("urdf: four_legs.urdf", f"urdf: four_legs.urdf, patches: [{', '.join(rows)}]")
 
 
-def ran(legs: Legs) -> set[str]:
+def ran(legs: Place) -> set[str]:
     assert legs.build().returncode == 0
     return {label for label, status in legs.steps().items() if status == "ran"}
 
 
-def test_a_changed_patch_runs_again_what_it_touches(warm_legs: Legs):
+def test_a_changed_patch_runs_again_what_it_touches(warm_legs: Place):
     row = "{file: four_legs.urdf, find: 'A dog:', replace: 'A cat:', because: it purrs}"
     patch(warm_legs, row)
     touched = {"patch 1 four_legs.urdf", "read_urdf"}

@@ -7,7 +7,7 @@ import json
 import pytest
 from defusedxml.ElementTree import parse
 
-from .conftest import LEGS, Legs
+from .conftest import LEGS, Place
 
 
 def errors(said: str) -> list[str]:
@@ -16,7 +16,7 @@ def errors(said: str) -> list[str]:
     return [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
 
 
-def test_every_broken_key_of_a_recipe_is_named_with_its_place(legs: Legs):
+def test_every_broken_key_of_a_recipe_is_named_with_its_place(legs: Place):
     legs.edit("collision: {default: {method: keep}}", "colision: {default: {method: keep}}")
     legs.edit("kp: 20", "kp: stiff")
     legs.edit("targets: [urdf]", "targets: [urdf, mcjf]")
@@ -32,7 +32,7 @@ def test_every_broken_key_of_a_recipe_is_named_with_its_place(legs: Legs):
         assert hint in done.stderr
 
 
-def test_every_name_that_is_not_in_the_robot_is_named(legs: Legs):
+def test_every_name_that_is_not_in_the_robot_is_named(legs: Place):
     row = "  - {joints: '.*', model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}"
     legs.edit(row.replace("'", '"'), row.replace("'.*'", "'.*_knee_joint'") + "\n" + row)
     legs.edit(
@@ -51,7 +51,7 @@ def test_every_name_that_is_not_in_the_robot_is_named(legs: Legs):
     ]
 
 
-def test_mistakes_of_several_recipes_are_told_together(legs: Legs):
+def test_mistakes_of_several_recipes_are_told_together(legs: Place):
     text = legs.recipe.read_text()
     legs.edit("kp: 20", "kp: x")
     (legs.folder / "other.yaml").write_text(text.replace("robot: legs", "robto: legs"))
@@ -60,7 +60,7 @@ def test_mistakes_of_several_recipes_are_told_together(legs: Legs):
     assert [line.split(":")[0] for line in errors(done.stderr)] == ["legs.yaml", "other.yaml"]
 
 
-def test_each_mistake_is_a_case_of_the_report_for_ci(legs: Legs):
+def test_each_mistake_is_a_case_of_the_report_for_ci(legs: Place):
     legs.edit("kp: 20", "kp: x")
     legs.edit("targets: [urdf]", "targets: [mcjf]")
     assert legs.build("--report-junit", "junit.xml").returncode == 2
@@ -70,7 +70,7 @@ def test_each_mistake_is_a_case_of_the_report_for_ci(legs: Legs):
     ]  # fmt: skip
 
 
-def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Legs):
+def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Place):
     legs.edit("targets:", "rules: {urdf.reload.mass: {severity: info, because: known}}\ntargets:")
     assert legs.build().returncode == 0
     report = json.loads((legs.bundle / "report/report.json").read_text())
@@ -89,7 +89,7 @@ def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Legs):
         ("build", "page.yaml", "<html></html>", ""),
     ],
 )
-def test_a_robot_in_the_place_of_a_recipe_leads_to_init(legs: Legs, verb, name, text, kind):
+def test_a_robot_in_the_place_of_a_recipe_leads_to_init(legs: Place, verb, name, text, kind):
     (legs.folder / name).write_text(text)
     done = legs.run(verb, name)
     assert done.returncode == 2

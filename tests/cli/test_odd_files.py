@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Legs, new_legs
+from .conftest import Place, new_legs
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ LIMIT_S = 20.0
 
 
 @pytest.fixture
-def whole(warm_legs: Legs) -> Legs:
+def whole(warm_legs: Place) -> Place:
     """A recipe that names a file in every way it can."""
     legs = warm_legs
     (legs.folder / "robot/foot.stl").write_bytes(MESH)
@@ -61,7 +61,7 @@ def whole(warm_legs: Legs) -> Legs:
         ("robot/foot.stl", "a link to itself"),
     ],
 )
-def test_what_is_no_file_is_refused_in_seconds(whole: Legs, name: str, kind: str):
+def test_what_is_no_file_is_refused_in_seconds(whole: Place, name: str, kind: str):
     path = whole.folder / name
     path.unlink()
     ODD[kind](path)
@@ -75,7 +75,7 @@ def test_what_is_no_file_is_refused_in_seconds(whole: Legs, name: str, kind: str
     assert not whole.bundle.exists()
 
 
-def test_names_that_are_no_text_lie_in_the_source_unharmed(whole: Legs):
+def test_names_that_are_no_text_lie_in_the_source_unharmed(whole: Place):
     strange = os.fsencode(whole.folder / "robot") + b"/\xff\xfe.stl"
     with open(strange, "wb") as file:  # noqa: PTH123 - the name is bytes
         file.write(MESH)
@@ -93,7 +93,7 @@ def test_a_robot_in_a_folder_whose_name_is_no_text(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, warm_legs: Legs):
+def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, warm_legs: Place):
     """Every Python of the build believes that it is another year."""
     shift = tmp_path / "shift"
     shift.mkdir()
@@ -118,7 +118,7 @@ def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, warm_legs: Legs):
 SMALL_DISK = 'mount -t tmpfs -o size={size}k none "$1" && cd "$2" && shift 2 && exec "$@"'
 
 
-def _on_small_disk(legs: Legs, disk: Path, kilobytes: int) -> subprocess.CompletedProcess[str]:
+def _on_small_disk(legs: Place, disk: Path, kilobytes: int) -> subprocess.CompletedProcess[str]:
     """The build with its store on a disk of that size, in a mount namespace of its own."""
     words = ["sh", "-c", SMALL_DISK.format(size=kilobytes), "sh", str(disk), str(legs.folder)]
     return subprocess.run(
@@ -138,7 +138,7 @@ def _can_mount(folder: Path) -> bool:
 
 
 @pytest.mark.parametrize("kilobytes", [16, 96])
-def test_a_small_disk_that_fills_up_is_one_error(warm_legs: Legs, tmp_path: Path, kilobytes: int):
+def test_a_small_disk_that_fills_up_is_one_error(warm_legs: Place, tmp_path: Path, kilobytes: int):
     disk = tmp_path / "disk"
     disk.mkdir()
     if not _can_mount(disk):

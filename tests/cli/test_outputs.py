@@ -16,7 +16,7 @@ from assetbuild.report.document import make_report
 from assetbuild.report.summary import markdown_text, public_message
 from assetbuild.report.verdict import CheckResult
 
-from .conftest import Legs, Workplace
+from .conftest import Place, Place
 
 
 def outcome(*findings: Finding, checks: Any = (), results: Any = (), built: bool = True) -> Any:
@@ -111,7 +111,7 @@ def test_junit_has_a_case_for_every_check_error_and_failed_step(tmp_path):
     assert "tiny.urdf:7" in str(ElementTree.tostring(suites))
 
 
-def test_a_build_leaves_all_three(warm_legs: Legs):
+def test_a_build_leaves_all_three(warm_legs: Place):
     words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
     done = warm_legs.build(*words, GITHUB_STEP_SUMMARY="summary.md")
     assert done.returncode == 0, done.stderr
@@ -133,7 +133,7 @@ def test_a_build_leaves_all_three(warm_legs: Legs):
 
 
 def test_wrong_input_is_told_everywhere(tmp_path):
-    place = Workplace(tmp_path, tmp_path / "store")
+    place = Place(tmp_path, tmp_path / "store")
     words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
     done = place.run("build", "none.yaml", *words, GITHUB_STEP_SUMMARY="summary.md")
     assert done.returncode == 2

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Legs, new_legs
+from .conftest import Place, new_legs
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
 from servers_for_tests import serving
@@ -21,7 +21,7 @@ def server():
 
 
 def test_what_one_machine_pushed_another_pulls_and_builds_nothing(
-    tmp_path: Path, warm_legs: Legs, server
+    tmp_path: Path, warm_legs: Place, server
 ):
     first, second = warm_legs, new_legs(tmp_path / "b")
     assert first.build().returncode == 0
@@ -35,11 +35,10 @@ def test_what_one_machine_pushed_another_pulls_and_builds_nothing(
     assert came.stdout == f"legs.yaml: {steps} of {steps} results in the store\n"
     assert second.build().returncode == 0
     assert set(second.steps().values()) == {"cached"}
-    one, other = (each.bundle / "manifest.json" for each in (first, second))
-    assert one.read_bytes() == other.read_bytes()
+    assert first.manifest() == second.manifest()
 
 
-def test_a_server_that_fails_is_an_error_here(warm_legs: Legs, server):
+def test_a_server_that_fails_is_an_error_here(warm_legs: Place, server):
     warm_legs.build()
     server.fault = "500"
     sent = warm_legs.run("cache", "push", "legs.yaml", "--remote", server.url)
@@ -47,12 +46,14 @@ def test_a_server_that_fails_is_an_error_here(warm_legs: Legs, server):
     assert "cannot write the shared cache" in sent.stderr
 
 
-def test_without_an_address_it_is_a_wrong_command(tmp_path: Path):
-    assert new_legs(tmp_path / "a").run("cache", "push", "legs.yaml").returncode == 2
+def test_without_an_address_it_is_a_wrong_command(legs: Place):
+    done = legs.run("cache", "push", "legs.yaml")
+    assert done.returncode == 2
+    assert "give `--remote` or ASSETBUILD_REMOTE" in done.stderr
 
 
 @pytest.mark.slow
-def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
+def test_samples_are_shared(tmp_path: Path, warm_legs: Place, server):
     ranges = '\nrandomize: {links: {".*": {density: [0.8, 1.2]}}}\n'
     words = ("sample", "legs.yaml", "-n", "1", "--judge", "20", "--remote", server.url)
     for machine, more in ((warm_legs, ["--cache-write"]), (new_legs(tmp_path / "b"), [])):

@@ -17,7 +17,7 @@ from assetbuild.cli.parser import file_or_robot
 from assetbuild.errors import UsageError
 from assetbuild.library import robots
 
-from .conftest import Legs
+from .conftest import Place
 
 
 def test_doctor_names_each_thing_once_and_says_how_to_get_what_is_missing():
@@ -86,7 +86,7 @@ def test_diff_says_by_its_exit_code_whether_anything_differs(tmp_path: Path, rob
 
 
 @pytest.mark.parametrize("verb", ["build", "lock"])
-def test_all_files_of_the_folder_name_each_recipe_once(warm_legs: Legs, verb: str):
+def test_all_files_of_the_folder_name_each_recipe_once(warm_legs: Place, verb: str):
     """A shell turns `*.yaml` into recipes and locks alike."""
     (warm_legs.folder / "legs.lock.yaml").write_text("schema: assetbuild-lock/v1\n")
     words = ["legs.lock.yaml", "legs.yaml"]
@@ -95,7 +95,7 @@ def test_all_files_of_the_folder_name_each_recipe_once(warm_legs: Legs, verb: st
     assert done.stdout.count("legs.yaml: ") <= 1
 
 
-def test_check_names_what_each_warning_is_about(legs: Legs):
+def test_check_names_what_each_warning_is_about(legs: Place):
     """Also where no line of the recipe's own source says it: of the parts of a composite."""
     text = legs.urdf.read_text()
     first = text.index("<link name=")
@@ -106,7 +106,7 @@ def test_check_names_what_each_warning_is_about(legs: Legs):
     assert f": link {name}: " in done.stdout
 
 
-def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Legs):
+def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Place):
     other = warm_legs.folder / "other.yaml"
     other.write_text(warm_legs.recipe.read_text().replace("robot: legs", "robot: other", 1))
     done = warm_legs.build("other.yaml", "-j2")
@@ -128,7 +128,7 @@ def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Legs):
     assert after[1] != before[1]  # its provenance names the recipe's digest
 
 
-def test_two_recipes_of_one_robot_are_refused(legs: Legs):
+def test_two_recipes_of_one_robot_are_refused(legs: Place):
     (legs.folder / "again.yaml").write_text(legs.recipe.read_text())
     done = legs.build("again.yaml")
     assert done.returncode == 2
@@ -136,7 +136,7 @@ def test_two_recipes_of_one_robot_are_refused(legs: Legs):
 
 
 @pytest.mark.slow
-def test_every_step_gives_the_same_bytes_twice(warm_legs: Legs):
+def test_every_step_gives_the_same_bytes_twice(warm_legs: Place):
     done = warm_legs.build("--rebuild-check")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "legs: reproducible: every step gave the same bytes twice" in done.stdout

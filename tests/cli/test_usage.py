@@ -13,7 +13,7 @@ import pytest
 import assetbuild.cli
 from assetbuild.cli import doctor
 
-from .conftest import Legs
+from .conftest import Place
 
 WRONG = [
     ("buid legs.yaml", "no verb named `buid`", "did you mean `build`?"),
@@ -39,7 +39,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("line", "said", "hint"), WRONG)
-def test_a_command_that_is_spelt_wrong(legs: Legs, line: str, said: str, hint: str):
+def test_a_command_that_is_spelt_wrong(legs: Place, line: str, said: str, hint: str):
     words = shlex.split(line)
     done = legs.run(*words)
     told = done.stderr.splitlines()
@@ -56,13 +56,13 @@ def test_a_command_that_is_spelt_wrong(legs: Legs, line: str, said: str, hint: s
 
 
 @pytest.mark.parametrize("verb", ["check", "cache"])
-def test_the_help_of_verbs_that_check_tells_them_apart(legs: Legs, verb: str):
+def test_the_help_of_verbs_that_check_tells_them_apart(legs: Place, verb: str):
     told = " ".join(legs.run(verb, "--help").stdout.split())
     assert "`check` reads recipes, `validate` proves built files" in told
     assert "docs/reference/checking.md" in told
 
 
-def test_a_dry_run_says_by_its_exit_code_whether_something_would_run(warm_legs: Legs):
+def test_a_dry_run_says_by_its_exit_code_whether_something_would_run(warm_legs: Place):
     warm_legs.edit("kp: 20", "kp: 21")
     assert warm_legs.build("-n").returncode == 3
     assert warm_legs.build().returncode == 0
@@ -73,7 +73,7 @@ def test_a_dry_run_says_by_its_exit_code_whether_something_would_run(warm_legs: 
     ("line", "out"),
     [("build legs.yaml", "file/x"), ("bench legs.yaml", "file/x/y"), ("sample legs.yaml", "file")],
 )
-def test_a_file_where_a_folder_has_to_be_is_named(legs: Legs, line: str, out: str):
+def test_a_file_where_a_folder_has_to_be_is_named(legs: Place, line: str, out: str):
     (legs.folder / "file").touch()
     legs.edit("targets:", 'randomize: {links: {".*": {density: [0.9, 1.1]}}}\ntargets:')
     done = legs.run(*line.split(), "-o", out)
@@ -85,7 +85,7 @@ def test_a_file_where_a_folder_has_to_be_is_named(legs: Legs, line: str, out: st
     assert (legs.folder / "file").read_bytes() == b""
 
 
-def test_a_report_below_a_file_is_a_wrong_command(legs: Legs):
+def test_a_report_below_a_file_is_a_wrong_command(legs: Place):
     (legs.folder / "file").touch()
     done = legs.run("report", "file/x")
     assert done.returncode == 2

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from .conftest import Legs
+from .conftest import Place
 
 ROW = '  - {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}\n'
 TABLE = f"actuators:\n{ROW}"
@@ -16,7 +16,7 @@ HOME = 'keyframes: {home: {joints: {".*_thigh_joint": 0.8, ".*_calf_joint": -1.6
 PASSIVE = 'actuators:\n  - {joints: ".*", model: passive}\n'
 
 
-def verdict(legs: Legs, expected_code: int) -> dict[str, Any]:
+def verdict(legs: Place, expected_code: int) -> dict[str, Any]:
     done = legs.build()
     assert done.returncode == expected_code, done.stdout + done.stderr
     folder = legs.bundle.with_name("legs.failed") if expected_code else legs.bundle
@@ -28,7 +28,7 @@ def verdict(legs: Legs, expected_code: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("rows", [PASSIVE + REASON, "actuators: []\n", ""])
-def test_a_robot_that_nothing_drives_is_not_ready(warm_legs: Legs, rows: str):
+def test_a_robot_that_nothing_drives_is_not_ready(warm_legs: Place, rows: str):
     """Not by passive rows, not by a waiver alone, and not by an empty table alone."""
     warm_legs.edit(TABLE, rows)
     told = verdict(warm_legs, 0)
@@ -37,12 +37,12 @@ def test_a_robot_that_nothing_drives_is_not_ready(warm_legs: Legs, rows: str):
     assert "`actuators: []`" in told["next_step"]
 
 
-def test_a_robot_that_nothing_drives_on_purpose_is_ready_with_a_reason(warm_legs: Legs):
+def test_a_robot_that_nothing_drives_on_purpose_is_ready_with_a_reason(warm_legs: Place):
     warm_legs.edit(TABLE, "actuators: []\n" + REASON)
     assert verdict(warm_legs, 0)["ready"]
 
 
-def test_trainers_are_named_with_the_command_that_tries_them(warm_legs: Legs):
+def test_trainers_are_named_with_the_command_that_tries_them(warm_legs: Place):
     trainers = verdict(warm_legs, 0)["trainers"]
     assert {name: one["status"] for name, one in trainers.items()} == dict.fromkeys(
         ("isaaclab", "mjlab", "newton"), "not tried"
@@ -58,7 +58,7 @@ def test_trainers_are_named_with_the_command_that_tries_them(warm_legs: Legs):
     ],
 )
 def test_a_robot_is_ready_only_when_all_that_was_asked_for_has_run(
-    warm_legs: Legs, asked: str, why: str
+    warm_legs: Place, asked: str, why: str
 ):
     warm_legs.edit("targets:", f"validate: {{{asked}}}\ntargets:")
     told = verdict(warm_legs, 0)
@@ -71,7 +71,7 @@ def test_a_robot_is_ready_only_when_all_that_was_asked_for_has_run(
 
 
 @pytest.mark.slow  # whole builds, pictures and all
-def test_a_fall_blocks_where_the_recipe_asks_the_robot_to_stand(warm_legs: Legs):
+def test_a_fall_blocks_where_the_recipe_asks_the_robot_to_stand(warm_legs: Place):
     """Elsewhere it is a warning; both say from what height to what."""
     warm_legs.edit("kp: 20, kd: 1", "kp: 0.1, kd: 0.01")
     warm_legs.edit("targets: [urdf]", f"{HOME}targets: [mjcf]")

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import LEGS_RECIPE, Legs, new_legs
+from .conftest import LEGS_RECIPE, Place, new_legs
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Legs:
+def built(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Place:
     folder = tmp_path_factory.mktemp("verify")
     legs = new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store"))
     assert legs.build().returncode == 0
@@ -22,7 +22,7 @@ def built(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Legs:
 
 
 @pytest.fixture
-def legs(built: Legs) -> Legs:
+def legs(built: Place) -> Place:
     """The built bundle, put right again before each test."""
     built.recipe.write_text(LEGS_RECIPE)
     shutil.rmtree(built.bundle)
@@ -30,14 +30,14 @@ def legs(built: Legs) -> Legs:
     return built
 
 
-def test_a_bundle_is_what_its_papers_say(legs: Legs):
+def test_a_bundle_is_what_its_papers_say(legs: Place):
     done = legs.run("verify", "build/legs")
     assert (done.returncode, done.stderr) == (0, "")
     assert "0 differences (manifest, provenance)" in done.stdout
 
 
-def change(path: str, how: Callable[[str], str]) -> Callable[[Legs], None]:
-    def do(legs: Legs) -> None:
+def change(path: str, how: Callable[[str], str]) -> Callable[[Place], None]:
+    def do(legs: Place) -> None:
         file = legs.bundle / path
         file.write_text(how(file.read_text()))
 
@@ -57,14 +57,14 @@ def change(path: str, how: Callable[[str], str]) -> Callable[[Legs], None]:
         (change("manifest.json", lambda t: t + "\n"), "not as the provenance says: manifest.json"),
     ],
 )
-def test_each_difference_is_named(legs: Legs, fault: Callable[[Legs], object], told: str):
+def test_each_difference_is_named(legs: Place, fault: Callable[[Place], object], told: str):
     fault(legs)
     done = legs.run("verify", "build/legs")
     assert done.returncode == 1
     assert told in done.stdout
 
 
-def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Legs):
+def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Place):
     statement = json.loads((legs.bundle / "provenance.json").read_text())
     needed = statement["predicate"]["buildDefinition"]["resolvedDependencies"]
     assert all("uri" in row or "digest" in row for row in needed)
@@ -79,6 +79,6 @@ def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Legs):
     assert statement["predicate"]["runDetails"]["builder"]["id"].startswith("pkg:pypi/assetbuild@")
 
 
-def test_what_is_no_bundle_is_a_wrong_command(legs: Legs):
+def test_what_is_no_bundle_is_a_wrong_command(legs: Place):
     assert legs.run("verify", "robot").returncode == 2
     assert legs.run("verify", "absent").returncode == 2

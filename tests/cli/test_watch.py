@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from .conftest import Legs, hear_ctrl_c
+from .conftest import Place, hear_ctrl_c
 
 
 class Watching:
     """`assetbuild watch` in a process; its lines, both streams together."""
 
-    def __init__(self, legs: Legs) -> None:
+    def __init__(self, legs: Place) -> None:
         self.process = subprocess.Popen(
             legs.command("watch", "legs.yaml"),
             cwd=legs.folder,
@@ -47,7 +47,7 @@ class Watching:
         return self.until(lambda line: line.startswith("watching "))
 
 
-def watched(legs: Legs) -> Iterator[Watching]:
+def watched(legs: Place) -> Iterator[Watching]:
     started = Watching(legs)
     yield started
     started.process.kill()
@@ -55,17 +55,17 @@ def watched(legs: Legs) -> Iterator[Watching]:
 
 
 @pytest.fixture
-def watching(legs: Legs) -> Iterator[Watching]:
+def watching(legs: Place) -> Iterator[Watching]:
     yield from watched(legs)
 
 
 @pytest.fixture
-def watching_what_is_built(warm_legs: Legs) -> Iterator[Watching]:
+def watching_what_is_built(warm_legs: Place) -> Iterator[Watching]:
     yield from watched(warm_legs)
 
 
 @pytest.mark.slow
-def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching: Watching):
+def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Place, watching: Watching):
     assert " ran, 0 cached" in watching.waits()
     legs.edit("kp: 20", "kp: 30")
     told = watching.waits()
@@ -89,7 +89,7 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     assert watching.until(lambda line: "stopped watching" in line)
 
 
-def test_a_source_that_breaks_is_watched_on(warm_legs: Legs, watching_what_is_built: Watching):
+def test_a_source_that_breaks_is_watched_on(warm_legs: Place, watching_what_is_built: Watching):
     watching = watching_what_is_built
     watching.waits()
     whole = warm_legs.urdf.read_text()
@@ -100,7 +100,7 @@ def test_a_source_that_breaks_is_watched_on(warm_legs: Legs, watching_what_is_bu
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Legs, watching: Watching):
+def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Place, watching: Watching):
     watching.until(lambda line: ": [1/" in line)
     watching.process.send_signal(signal.SIGINT)
     assert watching.process.wait(20) == 130

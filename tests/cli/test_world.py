@@ -12,7 +12,7 @@ from PIL import Image
 from assetbuild.engine.world import World
 from assetbuild.rendering.plan import renderer
 
-from .conftest import Legs
+from .conftest import Place
 
 PART = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <link name="{name}"><inertial><mass value="1"/>
@@ -56,7 +56,7 @@ def retarget(link: Path, target: str) -> None:
     beside.replace(link)
 
 
-def settled(legs: Legs) -> Callable[[], bool]:
+def settled(legs: Place) -> Callable[[], bool]:
     """Build, so that a second build is answered by the record alone; then: is the next as well?"""
     legs.edit("effort: 10", "effort: 30")
     log = legs.folder / "build/legs.run.json"
@@ -73,12 +73,12 @@ def settled(legs: Legs) -> Callable[[], bool]:
     return is_null
 
 
-def mass_built(legs: Legs) -> str:
+def mass_built(legs: Place) -> str:
     return "7" if 'mass value="7' in (legs.bundle / "urdf/legs.urdf").read_text() else "6"
 
 
 @pytest.mark.slow
-def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs):
+def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Place):
     folder = warm_legs.folder
     for name in ("old", "new"):
         shutil.copytree(folder / "robot", folder / name / "robot")
@@ -93,7 +93,7 @@ def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Leg
 
 
 @pytest.fixture
-def parts(legs: Legs) -> Legs:
+def parts(legs: Place) -> Place:
     """A xacro that includes whatever lies in a folder: one part now."""
     (legs.folder / "robot/parts").mkdir()
     (legs.folder / "robot/r.xacro").write_text(WHOLE)
@@ -102,12 +102,12 @@ def parts(legs: Legs) -> Legs:
     return legs
 
 
-def joints_built(legs: Legs) -> int:
+def joints_built(legs: Place) -> int:
     return (legs.bundle / "urdf/legs.urdf").read_text().count('type="continuous"')
 
 
 @pytest.mark.slow
-def test_a_part_that_appears_where_a_xacro_includes_a_folder_is_built(parts: Legs):
+def test_a_part_that_appears_where_a_xacro_includes_a_folder_is_built(parts: Place):
     is_null = settled(parts)
     assert joints_built(parts) == 1
     (parts.folder / "robot/parts/b.xacro").write_text(PART.format(name="b"))
@@ -118,7 +118,7 @@ def test_a_part_that_appears_where_a_xacro_includes_a_folder_is_built(parts: Leg
     assert is_null()
 
 
-def test_a_licence_that_appears_beside_the_urdf_is_in_the_bundle(warm_legs: Legs):
+def test_a_licence_that_appears_beside_the_urdf_is_in_the_bundle(warm_legs: Place):
     is_null = settled(warm_legs)
     (warm_legs.folder / "robot/LICENSE").write_text("MIT")
     assert not is_null()
@@ -129,7 +129,7 @@ def test_a_licence_that_appears_beside_the_urdf_is_in_the_bundle(warm_legs: Legs
 
 @pytest.mark.slow
 @pytest.mark.parametrize("before", ["red.png", "nowhere.png"])
-def test_the_link_of_a_texture_that_leads_elsewhere_now_is_followed(warm_legs: Legs, before: str):
+def test_the_link_of_a_texture_that_leads_elsewhere_now_is_followed(warm_legs: Place, before: str):
     robot = warm_legs.folder / "robot"
     for name, colour in (("red", "red"), ("blue", "blue"), ("../outside", "green")):
         Image.new("RGB", (4, 4), colour).save(robot / f"{name}.png")
@@ -149,7 +149,7 @@ def test_the_link_of_a_texture_that_leads_elsewhere_now_is_followed(warm_legs: L
 
 @pytest.mark.slow
 def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
-    warm_legs: Legs, monkeypatch: pytest.MonkeyPatch
+    warm_legs: Place, monkeypatch: pytest.MonkeyPatch
 ):
     warm_legs.edit("targets: [urdf]", "targets: [mjcf]")
     monkeypatch.setenv("MUJOCO_GL", "disable")
@@ -162,7 +162,7 @@ def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
 
 
 def test_a_xacro_beside_its_recipe_is_built_and_its_bundle_is_no_part_of_it(
-    legs: Legs, tmp_path_factory: pytest.TempPathFactory
+    legs: Place, tmp_path_factory: pytest.TempPathFactory
 ):
     """Whatever lies in the folder could be included: the recipe, too, but not what is built."""
     (legs.folder / "parts").mkdir()
