@@ -1,14 +1,14 @@
 """`assetbuild identify`: a log beside a recipe becomes numbers of the build, and of the recipe."""
 
 import json
-import os
 import re
 
-import commands
 import pytest
 from logs import KD, KP, TWO_LINKS_URDF, columns_of, two_links, write_csv
 
 from assetbuild.pipeline.recipes import load_recipe
+
+from .conftest import Place
 
 RECIPE = f"""\
 schema: assetbuild/v1
@@ -26,70 +26,59 @@ targets: [urdf, mjcf]
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
-    (folder / "robot").mkdir()
-    (folder / "robot/arm.urdf").write_text(TWO_LINKS_URDF)
-    (folder / "arm.yaml").write_text(RECIPE)
+    place = Place(folder, folder / "store", "arm.yaml")
+    place.robot.mkdir()
+    (place.robot / "arm.urdf").write_text(TWO_LINKS_URDF)
+    place.recipe.write_text(RECIPE)
     target, position, _ = two_links(16.0)
     write_csv(folder / "chirp.csv", columns_of(target, position))
-    return folder
-
-
-@pytest.fixture
-def run(arm, tmp_path_factory):
-    def run(*words):
-        kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
-        environment = kept | {"ASSETBUILD_CACHE": str(arm / "store")}
-        return commands.run(words, arm, environment, timeout=600)
-
-    return run
-
-
-def ran(arm):
-    log = json.loads((arm / "build/arm.run.json").read_text())
-    return {label for label, step in log["steps"].items() if step["status"] == "ran"}
+    return place
 
 
 @pytest.mark.slow
-def test_from_a_log_to_the_recipe(arm, run):
-    done = run("identify", "arm.yaml", "--json")
+def test_from_a_log_to_the_recipe(arm):
+    done = arm.run("identify", "arm.yaml", "--json")
     assert done.returncode == 0, done.stderr
     (fit,) = json.loads(done.stdout)
     assert all(not each["refused"] for each in fit["parameters"])
 
-    assert run("build", "arm.yaml").returncode == 0
-    frictions = re.findall(r'frictionloss="([\d.]+)"', (arm / "build/arm/mjcf/arm.xml").read_text())
+    assert "fit_logs 0" not in arm.ran()
+    model = (arm.bundle / "mjcf/arm.xml").read_text()
+    frictions = re.findall(r'frictionloss="([\d.]+)"', model)
     assert [float(text) for text in frictions] == pytest.approx([0.4, 0.2], rel=0.05)
-    card = (arm / "build/arm/model_card.md").read_text()
+    card = (arm.bundle / "model_card.md").read_text()
     assert "armature and friction or damping of 2 of 2 drives are measured" in card
     assert "measured: chirp.csv" in card
-    provenance = (arm / "build/arm/provenance.json").read_text()
+    provenance = (arm.bundle / "provenance.json").read_text()
     assert fit["logs"][0]["sha256"] in provenance
-    page = (arm / "build/arm/report/index.html").read_text()
+    page = (arm.bundle / "report/index.html").read_text()
     assert "Measured on the real robot" in page and "friction of elbow" in page
 
     # A new gain fits nothing anew.
-    (arm / "arm.yaml").write_text((arm / "arm.yaml").read_text().replace("kp: 30,", "kp: 45,"))
-    assert run("build", "arm.yaml").returncode == 0
-    assert "control" in ran(arm) and "fit_logs 0" not in ran(arm) and "mjcf" in ran(arm)
+    arm.edit("kp: 30,", "kp: 45,")
+    ran = arm.ran()
+    assert {"control", "mjcf"} <= ran and "fit_logs 0" not in ran
 
-    done = run("identify", "arm.yaml", "--write")
+    done = arm.run("identify", "arm.yaml", "--write")
     assert done.returncode == 0, done.stderr
-    text = (arm / "arm.yaml").read_text()
+    text = arm.recipe.read_text()
     assert "# guessed" in text and "# all" in text and text.count("measured:") >= 2
-    rows = load_recipe(arm / "arm.yaml").recipe.actuators
+    rows = load_recipe(arm.recipe).recipe.actuators
     assert [row.kp for row in rows] == [45, 45]
     assert [row.friction for row in rows] == pytest.approx([0.4, 0.2], rel=0.05)
     assert all(row.measured == ("armature", "damping", "friction") for row in rows)
 
 
-def test_a_recipe_without_logs_says_what_to_add(arm, run):
-    (arm / "plain.yaml").write_text(re.sub(r"identify:.*?(?=actuators)", "", RECIPE, flags=re.S))
-    done = run("identify", "plain.yaml")
+def test_a_recipe_without_logs_says_what_to_add(arm):
+    (arm.folder / "plain.yaml").write_text(
+        re.sub(r"identify:.*?(?=actuators)", "", RECIPE, flags=re.S)
+    )
+    done = arm.run("identify", "plain.yaml")
     assert done.returncode == 2 and "identify: [{logs:" in done.stderr
 
 
-def test_a_log_that_is_not_there_is_named_with_its_line(arm, run):
-    (arm / "lost.yaml").write_text(RECIPE.replace("chirp.csv", "lost.csv"))
-    done = run("build", "lost.yaml")
+def test_a_log_that_is_not_there_is_named_with_its_line(arm):
+    (arm.folder / "lost.yaml").write_text(RECIPE.replace("chirp.csv", "lost.csv"))
+    done = arm.run("build", "lost.yaml")
     assert done.returncode == 2 and "lost.yaml:5" in done.stderr
     assert "there is no such file" in done.stderr

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Place, hear_ctrl_c
+from .conftest import hear_ctrl_c, new_go1
 
 
 def descendants(pid: int) -> set[int]:
@@ -39,27 +39,23 @@ def is_alive(pid: int) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "times", "code"),
-    [
-        (signal.SIGINT, 2, 130),
-        (signal.SIGTERM, 1, 143),
-    ],
+    ("number", "times", "code"), [(signal.SIGINT, 2, 130), (signal.SIGTERM, 1, 143)]
 )
 def test_an_interrupted_build_leaves_nothing_running(
-    cold_place: Place, number: signal.Signals, times: int, code: int
+    tmp_path: Path, go1_root: Path, number: signal.Signals, times: int, code: int
 ):
+    place = new_go1(tmp_path / "cold", go1_root, tmp_path / "store")
     build = subprocess.Popen(
-        cold_place.command("build", "recipes/go1.yaml"),
-        cwd=cold_place.folder,
-        env=cold_place.env(),
+        place.command("build", "recipes/go1.yaml"),
+        cwd=place.folder,
+        env=place.env(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=hear_ctrl_c,
     )
     assert build.stderr is not None
-    line = next(line for line in build.stderr if "] convert_mesh " in line)
-    assert line
+    assert any("] convert_mesh " in line for line in build.stderr)
     children = descendants(build.pid)
     assert children
     began = time.monotonic()
@@ -73,7 +69,7 @@ def test_an_interrupted_build_leaves_nothing_running(
     assert build.returncode == code, said
     assert "what is finished is kept" in said
     assert "Traceback" not in said
-    told = cold_place.build("-n").stdout
+    told = place.build("-n").stdout
     stale, total = map(int, re.findall(r"(\d+) of (\d+) steps would run", told)[0])
     assert stale < total
-    assert list((cold_place.store / "v1/tmp").iterdir()) == []
+    assert list((place.store / "v1/tmp").iterdir()) == []

@@ -34,15 +34,12 @@ def place(tmp_path: Path) -> Place:
     """A robot with a mesh, its material and its picture; tests put a pointer in place of one."""
     legs = new_legs(tmp_path / "place")
     for name, text in {"part.obj": OBJ, "robot.urdf": URDF, "robot.xml": MJCF}.items():
-        (legs.folder / "robot" / name).write_text(text)
-    (legs.folder / "robot/part.mtl").write_text("newmtl a\nmap_Kd part.png\n")
+        (legs.robot / name).write_text(text)
+    (legs.robot / "part.mtl").write_text("newmtl a\nmap_Kd part.png\n")
     xacro = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="one">'
-    (legs.folder / "robot/robot.xacro").write_text(
-        f'{xacro}<xacro:include filename="more.xacro"/></robot>'
-    )
-    legs.edit(
-        'actuators:\n  - {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}', ""
-    )
+    include = '<xacro:include filename="more.xacro"/></robot>'
+    (legs.robot / "robot.xacro").write_text(xacro + include)
+    legs.edit('- {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}', "[]")
     return legs
 
 
@@ -59,7 +56,7 @@ def place(tmp_path: Path) -> Place:
 )
 def test_a_pointer_in_the_place_of_a_file_is_called_that(place: Place, key: str, pointer: str):
     place.edit("urdf: four_legs.urdf", key)
-    (place.folder / "robot" / pointer).write_text(POINTER)
+    (place.robot / pointer).write_text(POINTER)
     done = place.build()
     assert done.returncode == 2, done.stdout + done.stderr
     error, hint = [line for line in done.stderr.splitlines() if line.startswith(("error", "hint"))]
@@ -85,7 +82,7 @@ def test_an_archive_that_is_a_pointer_and_a_member_that_is_one(place: Place):
 
 def test_a_recipe_that_is_a_pointer_and_init_of_one(place: Place):
     place.recipe.write_text(POINTER)
-    (place.folder / "robot/robot.urdf").write_text(POINTER)
+    (place.robot / "robot.urdf").write_text(POINTER)
     for words in (("build", "legs.yaml"), ("init", "robot/robot.urdf", "-o", "-")):
         done = place.run(*words)
         assert done.returncode == 2
@@ -93,21 +90,12 @@ def test_a_recipe_that_is_a_pointer_and_init_of_one(place: Place):
         assert HINT in done.stderr
 
 
-def patch(legs: Place, *rows: str) -> None:
-    legs.edit("urdf: four_legs.urdf", f"urdf: four_legs.urdf, patches: [{', '.join(rows)}]")
-
-
-def ran(legs: Place) -> set[str]:
-    assert legs.build().returncode == 0
-    return {label for label, status in legs.steps().items() if status == "ran"}
-
-
 def test_a_changed_patch_runs_again_what_it_touches(warm_legs: Place):
     row = "{file: four_legs.urdf, find: 'A dog:', replace: 'A cat:', because: it purrs}"
-    patch(warm_legs, row)
+    warm_legs.edit("urdf: four_legs.urdf", f"urdf: four_legs.urdf, patches: [{row}]")
     touched = {"patch 1 four_legs.urdf", "read_urdf"}
-    assert ran(warm_legs) == touched
+    assert warm_legs.ran() == touched
     warm_legs.edit("it purrs", "it climbs")
-    assert ran(warm_legs) == {"patch 1 four_legs.urdf"}  # the same text comes of it
+    assert warm_legs.ran() == {"patch 1 four_legs.urdf"}  # the same text comes of it
     warm_legs.edit("A cat:", "A lion:")
-    assert ran(warm_legs) == touched
+    assert warm_legs.ran() == touched

@@ -16,22 +16,6 @@ def errors(said: str) -> list[str]:
     return [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
 
 
-def test_every_broken_key_of_a_recipe_is_named_with_its_place(legs: Place):
-    legs.edit("collision: {default: {method: keep}}", "colision: {default: {method: keep}}")
-    legs.edit("kp: 20", "kp: stiff")
-    legs.edit("targets: [urdf]", "targets: [urdf, mcjf]")
-    done = legs.build()
-    assert done.returncode == 2
-    *others, target = errors(done.stderr)
-    assert others == [
-        "legs.yaml:5:1: colision: unknown key",
-        "legs.yaml:7:35: actuators[0].kp: expected a number, found the text `stiff`",
-    ]
-    assert target.startswith("legs.yaml:8:17: targets[1]: expected `")
-    for hint in ("did you mean `collision`?", "did you mean `mjcf`?"):
-        assert hint in done.stderr
-
-
 def test_every_name_that_is_not_in_the_robot_is_named(legs: Place):
     row = "  - {joints: '.*', model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}"
     legs.edit(row.replace("'", '"'), row.replace("'.*'", "'.*_knee_joint'") + "\n" + row)

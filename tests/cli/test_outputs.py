@@ -16,7 +16,7 @@ from assetbuild.report.document import make_report
 from assetbuild.report.summary import markdown_text, public_message
 from assetbuild.report.verdict import CheckResult
 
-from .conftest import Place, Place
+from .conftest import Place
 
 
 def outcome(*findings: Finding, checks: Any = (), results: Any = (), built: bool = True) -> Any:

@@ -14,23 +14,15 @@ randomize:
 """
 
 
-@pytest.fixture
-def bare(place):
-    """The Go1 without the ranges of its own recipe."""
-    text = place.recipe.read_text()
-    without = re.sub(r"\nrandomize:.*?\n(?=\n)", "", text, flags=re.DOTALL)
-    assert without != text
-    place.recipe.write_text(without)
-    return place
-
-
 @pytest.mark.slow
-def test_three_robots_load_and_differ_as_drawn(bare):
-    bare.edit_recipe("\ncontact:", f"{RANGES}\ncontact:")
-    done = bare.run("sample", "recipes/go1.yaml", "-n", "3", "--judge", "300", "-o", "drawn")
+def test_three_robots_load_and_differ_as_drawn(place):
+    """The ranges take the place of those that the recipe of the Go1 has."""
+    text = place.recipe.read_text()
+    place.recipe.write_text(re.sub(r"\nrandomize:.*?\n(?=\n)", RANGES, text, flags=re.DOTALL))
+    done = place.run("sample", "recipes/go1.yaml", "-n", "3", "--judge", "300", "-o", "drawn")
     assert done.returncode == 0, done.stderr
     assert "300 draws" in done.stdout and "trunk" in done.stdout
-    folder = bare.folder / "drawn"
+    folder = place.folder / "drawn"
     samples = json.loads((folder / "samples.json").read_text())["samples"]
     masses = []
     for index, sample in enumerate(samples):

@@ -9,25 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import LEGS_RECIPE, Place, new_legs
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Place:
-    folder = tmp_path_factory.mktemp("verify")
-    legs = new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store"))
-    assert legs.build().returncode == 0
-    shutil.copytree(legs.bundle, folder / "as built")
-    return legs
+from .conftest import Place
 
 
 @pytest.fixture
-def legs(built: Place) -> Place:
-    """The built bundle, put right again before each test."""
-    built.recipe.write_text(LEGS_RECIPE)
-    shutil.rmtree(built.bundle)
-    shutil.copytree(built.folder.parent / "as built", built.bundle)
-    return built
+def legs(tmp_path: Path, built_legs: Place) -> Place:
+    """A folder with a copy of the built bundle, and nothing else."""
+    copy = Place(tmp_path, built_legs.store)
+    shutil.copytree(built_legs.bundle, copy.bundle)
+    return copy
 
 
 def test_a_bundle_is_what_its_papers_say(legs: Place):
@@ -68,17 +58,13 @@ def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Place):
     statement = json.loads((legs.bundle / "provenance.json").read_text())
     needed = statement["predicate"]["buildDefinition"]["resolvedDependencies"]
     assert all("uri" in row or "digest" in row for row in needed)
-    assert {row["name"] for row in needed if "name" in row} == {
-        "legs.yaml",
-        "robot/four_legs.urdf",
-    }
-    assert {row["uri"].partition("@")[0] for row in needed if "uri" in row} >= {
-        "pkg:pypi/assetbuild",
-        "pkg:pypi/lxml",
-    }
+    named = {row["name"] for row in needed if "name" in row}
+    assert named == {"legs.yaml", "robot/four_legs.urdf"}
+    packages = {row["uri"].partition("@")[0] for row in needed if "uri" in row}
+    assert packages >= {"pkg:pypi/assetbuild", "pkg:pypi/lxml"}
     assert statement["predicate"]["runDetails"]["builder"]["id"].startswith("pkg:pypi/assetbuild@")
 
 
 def test_what_is_no_bundle_is_a_wrong_command(legs: Place):
-    assert legs.run("verify", "robot").returncode == 2
+    assert legs.run("verify", "build").returncode == 2
     assert legs.run("verify", "absent").returncode == 2
