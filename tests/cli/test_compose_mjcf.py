@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from pathlib import Path
 
-import commands
 import mujoco
 import numpy as np
 import pytest
+from urdfs import inertial, joint, link, robot, shape, tensor
+
+from .conftest import Place
 
 pytestmark = pytest.mark.slow
 
@@ -85,17 +85,13 @@ ARM = """<mujoco model="arm">
   </keyframe>
 </mujoco>
 """
-POST = """<robot name="post">
-  <link name="foot"><inertial><mass value="20"/>
-    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision></link>
-  <link name="pole"><inertial><mass value="2"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="rise" type="prismatic"><parent link="foot"/><child link="pole"/>
-    <origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
-    <limit lower="0" upper="0.2" effort="500" velocity="1"/></joint>
-</robot>
-"""
+POST = robot(
+    link("foot", inertial(20, tensor(1, 1, 1)), shape("collision", '<box size="0.4 0.4 0.2"/>')),
+    link("pole", inertial(2, tensor(0.1, 0.1, 0.1))),
+    joint("rise", "foot", "pole", "prismatic", xyz="0 0 0.3", axis="0 0 1",
+          content='<limit lower="0" upper="0.2" effort="500" velocity="1"/>'),
+    name="post",
+)  # fmt: skip
 HEAD = """schema: assetbuild/v1
 robot: {robot}
 source: {{path: ., {kind}: {file}, license: MIT}}
@@ -123,36 +119,33 @@ compose:
 """
 
 
+def laid_out(folder: Path, store: Path | None = None) -> Place:
+    """The robots and their recipes."""
+    files = {"dog": ("dog.xml", DOG), "arm": ("arm.xml", ARM), "post": ("post.urdf", POST)}
+    more = {"dog": DOG_RECIPE, "arm": "", "post": POST_RECIPE}
+    for name, (file, text) in files.items():
+        (folder / file).write_text(text)
+        kind = "mjcf" if file.endswith(".xml") else "urdf"
+        recipe = HEAD.format(robot=name, kind=kind, file=file) + more[name]
+        (folder / f"{name}.yaml").write_text(recipe)
+    return Place(folder, store or folder / "store", "post.yaml")
+
+
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("composites")
-    for name, text in {"dog.xml": DOG, "arm.xml": ARM, "post.urdf": POST}.items():
-        (folder / name).write_text(text)
-    (folder / "arm.yaml").write_text(HEAD.format(robot="arm", kind="mjcf", file="arm.xml"))
-    (folder / "dog.yaml").write_text(
-        HEAD.format(robot="dog", kind="mjcf", file="dog.xml") + DOG_RECIPE
-    )
-    (folder / "post.yaml").write_text(
-        HEAD.format(robot="post", kind="urdf", file="post.urdf") + POST_RECIPE
-    )
-    done = run(folder, "build", "dog.yaml", "post.yaml", "-j", "2")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Place:
+    place = laid_out(tmp_path_factory.mktemp("composites"))
+    done = place.build("dog.yaml", "-j", "2")
     assert done.returncode == 0, done.stdout + done.stderr
-    return folder
+    return place
 
 
-def run(folder: Path, *words: str, cache: Path | None = None) -> subprocess.CompletedProcess[str]:
-    store = str(cache or folder / "store")
-    environment = os.environ | {"ASSETBUILD_CACHE": store, "MUJOCO_GL": "disable"}
-    return commands.run(words, folder, environment)
-
-
-def model_of(folder: Path, robot: str, file: str = "") -> mujoco.MjModel:
-    path = folder / "build" / robot / "mjcf" / (file or f"{robot}.xml")
+def model_of(place: Place, robot: str, file: str = "") -> mujoco.MjModel:
+    path = place.folder / "build" / robot / "mjcf" / (file or f"{robot}.xml")
     return mujoco.MjModel.from_xml_path(str(path))
 
 
-def findings(folder: Path, robot: str) -> list[dict]:
-    report = json.loads((folder / "build" / robot / "report/report.json").read_text())
+def findings(place: Place, robot: str) -> list[dict]:
+    report = json.loads((place.folder / f"build/{robot}/report/report.json").read_text())
     return report["findings"]
 
 
@@ -160,10 +153,8 @@ def findings(folder: Path, robot: str) -> list[dict]:
 def attached() -> mujoco.MjModel:
     """MuJoCo's own composite: the arm's root 0.5 m up in its world, so the frame 0.5 m down."""
     spec, arm = mujoco.MjSpec.from_string(DOG), mujoco.MjSpec.from_string(ARM)
-    half = 0.25
-    frame = spec.body("trunk").add_frame(
-        pos=[0.1, 0, 0.06 - 0.5], quat=[np.cos(half), 0, 0, np.sin(half)]
-    )
+    turn = [np.cos(0.25), 0, 0, np.sin(0.25)]
+    frame = spec.body("trunk").add_frame(pos=[0.1, 0, 0.06 - 0.5], quat=turn)
     spec.attach(arm, prefix="arm_", frame=frame)
     return spec.compile()
 
@@ -191,10 +182,8 @@ def test_the_whole_weighs_moves_and_senses_as_mujocos_own(built, attached):
     assert ours.body_mass == pytest.approx(attached.body_mass, rel=1e-12)
     for body in range(1, ours.nbody):
         assert np.allclose(inertia(ours, body), inertia(attached, body), rtol=1e-9, atol=1e-14)
-    assert ours.actuator_gainprm == pytest.approx(attached.actuator_gainprm)
-    assert ours.actuator_biasprm == pytest.approx(attached.actuator_biasprm)
-    assert ours.eq_data == pytest.approx(attached.eq_data)
-    assert ours.dof_armature == pytest.approx(attached.dof_armature)
+    for array in ("actuator_gainprm", "actuator_biasprm", "eq_data", "dof_armature"):
+        assert getattr(ours, array) == pytest.approx(getattr(attached, array)), array
     move_alike(ours, attached, tuple(names(attached, "body", attached.nbody)))
 
 
@@ -276,10 +265,8 @@ def test_masks_mean_what_they_meant_and_the_parts_meet(built):
 def test_surfaces_and_excludes_stay_with_their_part(built):
     ours = model_of(built, "dog")
     assert ours.geom("trunk_collision").friction[0] == 0.4
-    assert (
-        ours.geom("arm_link_collision").friction[0],
-        ours.geom("arm_link_collision").condim[0],
-    ) == (1, 4)
+    link = ours.geom("arm_link_collision")
+    assert (link.friction[0], link.condim[0]) == (1, 4)
     pairs = {
         tuple(sorted((ours.body(int(s) >> 16).name, ours.body(int(s) & 0xFFFF).name)))
         for s in ours.exclude_signature
@@ -323,20 +310,13 @@ def test_two_arms_on_a_urdf_one_by_its_recipe_one_by_its_source(built):
         ("- source: {path: ., mjcf: arm.xml, license: MIT}", "- variant: x", "exactly one of"),
         ("mjcf: arm.xml, license: MIT}", "mjcf: arm.xml}\n    variant: x", "a `source` has none"),
         ("recipe: arm.yaml", "recipe: dog.yaml", "is composed of parts itself"),
-        (
-            "compose:",
-            "keyframes: {up: {}}\ncompose:",
-            "the base has no keyframe `home`",
-        ),
+        ("compose:", "keyframes: {up: {}}\ncompose:", "the base has no keyframe `home`"),
     ],
 )
 def test_what_does_not_fit_is_told_with_its_line(built, tmp_path, old, new, message):
-    for file in built.glob("*.*"):
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    text = (tmp_path / "post.yaml").read_text()
-    assert old in text
-    (tmp_path / "post.yaml").write_text(text.replace(old, new, 1))
-    done = run(tmp_path, "build", "post.yaml", cache=built / "store")
+    place = laid_out(tmp_path, built.store)
+    place.edit(old, new)
+    done = place.build()
     assert done.returncode == 2, done.stdout + done.stderr
     assert message in done.stderr
     assert "post.yaml:" in done.stderr
@@ -344,14 +324,11 @@ def test_what_does_not_fit_is_told_with_its_line(built, tmp_path, old, new, mess
 
 
 def test_parts_that_a_variant_brings_are_refused_and_none_is_lost(built, tmp_path):
-    for file in built.glob("*.*"):
-        (tmp_path / file.name).write_bytes(file.read_bytes())
+    place = laid_out(tmp_path, built.store)
     plain, parts = (tmp_path / "dog.yaml").read_text().split("compose:")
     rows = parts.replace("\n", "\n    ")
     (tmp_path / "dog.yaml").write_text(f"{plain}variants:\n  armed:\n    compose:{rows}\n")
-    text = (tmp_path / "post.yaml").read_text()
-    text = text.replace("recipe: arm.yaml", "recipe: dog.yaml\n    variant: armed")
-    (tmp_path / "post.yaml").write_text(text)
-    done = run(tmp_path, "check", "post.yaml")
+    place.edit("recipe: arm.yaml", "recipe: dog.yaml\n    variant: armed")
+    done = place.run("check", "post.yaml")
     assert done.returncode == 2
     assert "`dog.yaml` is composed of parts itself" in done.stderr

@@ -12,17 +12,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from .conftest import LEGS, LEGS_RECIPE
+
 ACTION = Path(__file__).parents[2] / ".github/actions/robots"
-LEGS = Path(__file__).parents[1] / "robots/four_legs.urdf"
-RECIPE = """\
-schema: assetbuild/v1
-robot: {name}
-source: {{path: ../robots, urdf: four_legs.urdf, license: MIT}}
-base: floating
-collision: {{default: {{method: keep}}}}
-actuators: [{{joints: ".*", model: pd, kp: {kp}, kd: 1, effort: 10, velocity: 20}}]
-targets: [mjcf]
-"""
+RECIPE = LEGS_RECIPE.replace("path: robot", "path: ../robots").replace("[urdf]", "[mjcf]")
 GH = """\
 #!/bin/sh
 echo "$@" >> "$GH_LOG"
@@ -63,7 +56,8 @@ class Lab:
         self.base = self.commit()
 
     def write(self, name: str, kp: float) -> None:
-        (self.root / f"recipes/{name}.yaml").write_text(RECIPE.format(name=name, kp=kp))
+        text = RECIPE.replace("robot: legs", f"robot: {name}").replace("kp: 20", f"kp: {kp}")
+        (self.root / f"recipes/{name}.yaml").write_text(text)
 
     def git(self, *words: str) -> str:
         who = ("-c", "user.name=lab", "-c", "user.email=lab@example.org")
@@ -130,9 +124,8 @@ def test_documentation_builds_nothing(lab: Lab) -> None:
 
 def test_the_action_calls_the_steps_with_every_variable_that_they_read() -> None:
     action = yaml.safe_load((ACTION / "action.yml").read_text())
-    steps = {
-        s["run"].split()[-1]: s for s in action["runs"]["steps"] if "steps.sh" in s.get("run", "")
-    }
+    calls = [step for step in action["runs"]["steps"] if "steps.sh" in step.get("run", "")]
+    steps = {step["run"].split()[-1]: step for step in calls}
     assert set(steps) == {"build", "comment"}
     assert {"RECIPES", "BASE", "ASSETBUILD_CACHE"} <= set(steps["build"]["env"])
     assert {"NUMBER", "GH_TOKEN"} <= set(steps["comment"]["env"])

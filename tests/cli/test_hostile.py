@@ -16,7 +16,6 @@ from urdfs import inertial, link, mesh, robot, shape
 
 from .conftest import Place
 
-URDF = robot(link("base", inertial(), shape("visual", mesh("{mesh}"))))
 RECIPE = """schema: assetbuild/v1
 robot: r
 source: {{path: {path}, {main}, license: MIT}}
@@ -24,7 +23,16 @@ collision: {{default: {{method: none}}}}
 targets: [urdf]
 """
 LAUGHS = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(9))
-BOMB = f'<!DOCTYPE x [<!ENTITY e0 "ha">{LAUGHS}]>'
+BOMB = f'<!DOCTYPE x [<!ENTITY e0 "ha">{LAUGHS}]><robot name="&e9;"/>'.encode()
+XACRO = b'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">%s</robot>'
+CORNERS = np.arange(18.0).reshape(2, 3, 3)
+OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
+
+
+def showing(*meshes: str) -> bytes:
+    """A URDF whose only link shows these."""
+    shown = [shape("visual", mesh(name)) for name in meshes]
+    return robot(link("base", inertial(), *shown)).encode()
 
 
 def picture_bomb() -> bytes:
@@ -35,53 +43,68 @@ def picture_bomb() -> bytes:
     return data.replace(data[29:33], struct.pack(">I", zlib.crc32(data[12:29])), 1)
 
 
-CORNERS = np.arange(18.0).reshape(2, 3, 3)
-OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
-CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
+def escaping_archive() -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("r.urdf", showing("m.stl"))
+        archive.writestr("../../escaped.stl", stl(CORNERS))
+    return out.getvalue()
+
+
+CASES: dict[str, tuple[dict[str, bytes | str], int, str]] = {
     "entities in a description": (
-        {"r.urdf": f'{BOMB}<robot name="&e9;"/>'.encode()},
-        2,
-        "r.urdf:1: a DOCTYPE is not allowed",
+        {"r.urdf": BOMB}, 2, "r.urdf:1: a DOCTYPE is not allowed",
     ),
     "a picture without end": (
         {
-            "r.urdf": URDF.format(mesh="m.obj").encode(),
+            "r.urdf": showing("m.obj"),
             "m.obj": OBJ,
             "a.mtl": b"newmtl m\nmap_Kd w.png\n",
             "w.png": picture_bomb(),
         },
-        1,
-        "the picture `w.png` is too large",
+        1, "the picture `w.png` is too large",
     ),
     "a name that no disk holds": (
-        {"r.urdf": URDF.format(mesh="a" * 300 + ".stl").encode()},
-        2,
-        "no file `aaaa",
+        {"r.urdf": showing("a" * 300 + ".stl")}, 2, "no file `aaaa",
     ),
     "a mesh from elsewhere": (
-        {"r.urdf": URDF.format(mesh="../secret.stl").encode(), "../secret.stl": stl(CORNERS)},
-        2,
-        "leads out of the source",
+        {"r.urdf": showing("../secret.stl"), "../secret.stl": stl(CORNERS)},
+        2, "leads out of the source",
     ),
-}
+    "a link out of the source": (
+        {"r.urdf": showing("m.stl"), "../secret.stl": stl(CORNERS), "m.stl": "../secret.stl"},
+        2, "is a link that leads out of the source",
+    ),
+    "a xacro that includes a file outside": (
+        {
+            "../secret.xacro": XACRO % b'<link name="secret"/>',
+            "r.xacro": XACRO % b'<xacro:include filename="../secret.xacro"/>',
+        },
+        2, "secret.xacro",
+    ),
+    "an archive that escapes": ({"../robot.zip": escaping_archive()}, 2, "escaped.stl"),
+}  # fmt: skip
+"""Name -> files of the source (a text: what a link leads to), exit code, words of the error."""
 
 
 @pytest.fixture
 def tiny(tmp_path: Path) -> Place:
-    return Place(tmp_path / "work", tmp_path / "store")
+    place = Place(tmp_path / "work", tmp_path / "store", "r.yaml")
+    place.robot.mkdir(parents=True)
+    return place
 
 
-def refused(place: Place, code: int, says: str, source: str, main: str) -> None:
-    (place.folder / "r.yaml").write_text(RECIPE.format(path=source, main=main))
-    outside = place.folder.parent / "temporary"
-    outside.mkdir()
-    before = everything(place.folder.parent)
-    done = place.run("build", "r.yaml", TMPDIR=str(outside), HOME=str(outside))
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr + done.stdout
-    assert done.stderr.count("error: ") == 1, done.stderr
-    assert says in done.stderr, done.stderr
-    assert everything(place.folder.parent) == before
+def write(place: Place, files: dict[str, bytes | str]) -> None:
+    """The files, and the recipe of the robot among them."""
+    for name, data in files.items():
+        path = place.robot / name
+        if isinstance(data, str):
+            path.symlink_to(data)
+        else:
+            path.write_bytes(data)
+    source = "robot.zip" if "../robot.zip" in files else "robot"
+    main = "xacro: r.xacro" if "r.xacro" in files else "urdf: r.urdf"
+    place.recipe.write_text(RECIPE.format(path=source, main=main))
 
 
 def everything(folder: Path) -> set[str]:
@@ -94,56 +117,24 @@ def everything(folder: Path) -> set[str]:
 @pytest.mark.parametrize("name", CASES)
 def test_a_hostile_file_is_one_error(tiny: Place, name: str):
     files, code, says = CASES[name]
-    for path, data in files.items():
-        target = tiny.folder / "robot" / path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(data)
-    refused(tiny, code, says, "robot", "urdf: r.urdf")
-
-
-def test_a_link_out_of_the_source_is_one_error(tiny: Place):
-    (tiny.folder / "robot").mkdir(parents=True)
-    (tiny.folder / "secret.stl").write_bytes(stl(CORNERS))
-    (tiny.folder / "robot/r.urdf").write_text(URDF.format(mesh="m.stl"))
-    (tiny.folder / "robot/m.stl").symlink_to("../secret.stl")
-    refused(tiny, 2, "is a link that leads out of the source", "robot", "urdf: r.urdf")
-
-
-def test_an_archive_that_escapes_is_one_error(tiny: Place):
-    tiny.folder.mkdir()
-    with zipfile.ZipFile(tiny.folder / "robot.zip", "w") as archive:
-        archive.writestr("r.urdf", URDF.format(mesh="m.stl"))
-        archive.writestr("../../escaped.stl", stl(CORNERS))
-    refused(tiny, 2, "escaped.stl", "robot.zip", "urdf: r.urdf")
+    write(tiny, files)
+    outside = tiny.folder.parent / "temporary"
+    outside.mkdir()
+    before = everything(tiny.folder.parent)
+    done = tiny.build(TMPDIR=str(outside), HOME=str(outside))
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert done.stderr.count("error: ") == 1, done.stderr
+    assert says in done.stderr, done.stderr
+    assert everything(tiny.folder.parent) == before
 
 
 def test_every_broken_mesh_is_named_at_once(tiny: Place):
-    (tiny.folder / "robot").mkdir(parents=True)
-    meshes = {
-        "a.stl": stl(CORNERS, count=9),
-        "b.stl": b"garbage",
-        "c.stl": stl(CORNERS**2),
-    }
-    for name, data in meshes.items():
-        (tiny.folder / "robot" / name).write_bytes(data)
-    shown = "".join(
-        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in meshes
-    )
-    text = URDF.format(mesh="c.stl").replace("</link>", f"{shown}</link>")
-    (tiny.folder / "robot/r.urdf").write_text(text)
-    (tiny.folder / "r.yaml").write_text(RECIPE.format(path="robot", main="urdf: r.urdf"))
-    done = tiny.run("build", "r.yaml", "-j1")
+    meshes = {"a.stl": stl(CORNERS, count=9), "b.stl": b"garbage", "c.stl": stl(CORNERS**2)}
+    write(tiny, {"r.urdf": showing(*meshes), **meshes})
+    done = tiny.build("-j1")
     assert done.returncode == 1
     assert done.stderr.count("error: ") == 2, done.stderr
     assert "a.stl: the header promises 9 faces" in done.stderr
     assert "b.stl: 7 bytes are too few" in done.stderr
     assert not (tiny.folder / "build").exists()
-
-
-def test_a_xacro_that_includes_a_file_outside_is_one_error(tiny: Place):
-    (tiny.folder / "robot").mkdir(parents=True)
-    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    (tiny.folder / "secret.xacro").write_text(f'{head}<link name="secret"/></robot>')
-    include = '<xacro:include filename="../secret.xacro"/>'
-    (tiny.folder / "robot/r.xacro").write_text(f"{head}{include}</robot>")
-    refused(tiny, 2, "secret.xacro", "robot", "xacro: r.xacro")

@@ -136,14 +136,9 @@ def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     (folder / "report/report.json").write_text(json.dumps(made.to_json()))
     report.run(argparse.Namespace(bundle=folder, open=False, pictures=None))
     printed = capsys.readouterr()
-    shown = shown_report(made)
-    rows = [said for _, said in shown_rows(shown.verdict, Path("tiny.yaml"))]
-    lines = [
-        *rows,
-        *finding_lines([FELL]),
-        shown.verdict.next_step,
-        shown_figures("isaaclab", "0.125 m"),
-    ]
+    shown = shown_report(made).verdict
+    rows = [said for _, said in shown_rows(shown, Path("tiny.yaml"))]
+    lines = [*rows, *finding_lines([FELL]), shown.next_step, shown_figures("isaaclab", "0.125 m")]
     return "\n".join([*lines, printed.out, printed.err])
 
 

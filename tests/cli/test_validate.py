@@ -6,6 +6,7 @@ import importlib.util
 import json
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -32,71 +33,6 @@ def Xform "cube" (
     }
 }
 """
-ARM = """<mujoco><worldbody><body name="arm"><joint name="a" range="-1 1"/>
-<geom size="0.1"/></body></worldbody>{}</mujoco>"""
-
-
-def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
-    code = main(["validate", *map(str, arguments)])
-    said = capsys.readouterr()
-    assert "Traceback" not in said.err
-    return code, said.out if "--json" in arguments else said.out + said.err
-
-
-def test_a_good_and_a_bad_mjcf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    good, bad = tmp_path / "good.xml", tmp_path / "bad.xml"
-    good.write_text(ARM.format(""))
-    bad.write_text(ARM.format('<actuator><motor joint="a" ctrlrange="2 1"/></actuator>'))
-    assert ran(capsys, good)[0] == 0
-    code, said = ran(capsys, bad)
-    assert code == 1
-    assert "error lint.range" in said
-
-
-def test_the_drives_of_a_foreign_mjcf_are_tried(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A gain in N m per degree moves nothing."""
-    path = tmp_path / "arm.xml"
-    drive = '<actuator><position joint="a" kp="{}" kv="20" forcerange="-9 9"/></actuator>'
-    path.write_text(ARM.format(drive.format(100)).replace('name="a"', 'name="a" frictionloss="1"'))
-    assert "trials.dead" not in ran(capsys, path)[1]
-    path.write_text(ARM.format(drive.format(1.7)).replace('name="a"', 'name="a" frictionloss="1"'))
-    code, said = ran(capsys, path)
-    assert (code, "error trials.dead" in said) == (1, True)
-
-
-def test_a_urdf_with_an_impossible_tensor(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "r.urdf"
-    path.write_text(robot(link("r", inertial(1.0, tensor(9, 1, 1)))))
-    code, said = ran(capsys, path, "--json")
-    assert code == 1
-    rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
-    assert "inertia.triangle" in rules
-    path.write_text(robot(link("r", inertial(0.25, tensor(0.1, 0.1, 0.1)))))
-    said = ran(capsys, path, "--static")[1]
-    assert said.count(" inertia.radius:") == 1  # of the link and of the body that it is
-    path.write_text("<robot")
-    assert "urdf.unreadable" in ran(capsys, path)[1]
-
-
-def test_a_urdf_is_read_wherever_its_meshes_lie(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """In a folder beside its own, as most packages have them, or nowhere."""
-    path = tmp_path / "r.urdf"
-    path.write_text(robot(link("r", inertial(), shape("visual", mesh("../meshes/r.stl")))))
-    assert "0 errors, 0 warnings" in ran(capsys, path, "--static")[1]
-    assert main(["diff", str(path), str(path)]) == 0
-
-
-SHIFTED = robot(
-    link("a", inertial(), shape("visual", box(0.2)), shape("collision", box(0.2), "0 0 {}"))
-)
-
-
 STAGE = """#usda 1.0
 (defaultPrim = "bot"; metersPerUnit = 1; upAxis = "Z")
 def Xform "bot" {{
@@ -114,10 +50,71 @@ def Xform "bot" {{
     }}
 }}
 """
+ARM = """<mujoco><worldbody><body name="arm"><joint name="a" range="-1 1"/>
+<geom size="0.1"/></body></worldbody>{}</mujoco>"""
+SHIFTED = robot(
+    link("a", inertial(), shape("visual", box(0.2)), shape("collision", box(0.2), "0 0 {}"))
+)
+Validate = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def validate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Validate:
+    """Write a file, where a text is given, and validate it: the exit code and what is said."""
+
+    def run(name: str, text: str | None, *options: str) -> tuple[int, str]:
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        code = main(["validate", str(path), *options])
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        return code, said.out if "--json" in options else said.out + said.err
+
+    return run
+
+
+def rules(said: str, *severities: str) -> set[str]:
+    """Rules of all findings, as JSON, of these severities."""
+    findings = [f for one in json.loads(said) for f in one["findings"]]
+    return {f["rule"] for f in findings if not severities or f["severity"] in severities}
+
+
+def test_a_good_and_a_bad_mjcf(validate: Validate) -> None:
+    assert validate("good.xml", ARM.format(""))[0] == 0
+    bad = ARM.format('<actuator><motor joint="a" ctrlrange="2 1"/></actuator>')
+    code, said = validate("bad.xml", bad)
+    assert (code, "error lint.range" in said) == (1, True)
+
+
+def test_the_drives_of_a_foreign_mjcf_are_tried(validate: Validate) -> None:
+    """A gain in N m per degree moves nothing."""
+    drive = '<actuator><position joint="a" kp="{}" kv="20" forcerange="-9 9"/></actuator>'
+    arm = ARM.format(drive).replace('name="a"', 'name="a" frictionloss="1"')
+    assert "trials.dead" not in validate("arm.xml", arm.format(100))[1]
+    code, said = validate("arm.xml", arm.format(1.7))
+    assert (code, "error trials.dead" in said) == (1, True)
+
+
+def test_a_urdf_with_an_impossible_tensor(validate: Validate) -> None:
+    code, said = validate("r.urdf", robot(link("r", inertial(1.0, tensor(9, 1, 1)))), "--json")
+    assert code == 1
+    assert "inertia.triangle" in rules(said)
+    wide = robot(link("r", inertial(0.25, tensor(0.1, 0.1, 0.1))))
+    said = validate("r.urdf", wide, "--static")[1]
+    assert said.count(" inertia.radius:") == 1  # of the link and of the body that it is
+    assert "urdf.unreadable" in validate("r.urdf", "<robot")[1]
+
+
+def test_a_urdf_is_read_wherever_its_meshes_lie(validate: Validate, tmp_path: Path) -> None:
+    """In a folder beside its own, as most packages have them, or nowhere."""
+    text = robot(link("r", inertial(), shape("visual", mesh("../meshes/r.stl"))))
+    assert "0 errors, 0 warnings" in validate("r.urdf", text, "--static")[1]
+    assert main(["diff", str(tmp_path / "r.urdf"), str(tmp_path / "r.urdf")]) == 0
 
 
 @pytest.mark.parametrize(
-    ("moment", "lower", "rules"),
+    ("moment", "lower", "found"),
     [
         (0.1, -20, set()),
         (1.0, -20, {"inertia.triangle"}),
@@ -126,88 +123,63 @@ def Xform "bot" {{
     ],
 )
 def test_a_usd_that_no_validator_of_openusd_objects_to(
-    moment: float, lower: float, rules: set[str], tmp_path: Path, capsys
+    moment: float, lower: float, found: set[str], validate: Validate
 ) -> None:
-    path = tmp_path / "bot.usda"
-    path.write_text(STAGE.format(moment=moment, lower=lower))
-    code, said = ran(capsys, path, "--json", "--static")
-    errors = {f["rule"] for f in json.loads(said)[0]["findings"] if f["severity"] == "error"}
-    assert (code, errors) == (int(bool(rules)), rules)
+    stage = STAGE.format(moment=moment, lower=lower)
+    code, said = validate("bot.usda", stage, "--json", "--static")
+    assert (code, rules(said, "error")) == (int(bool(found)), found)
 
 
 @pytest.mark.slow
 def test_a_urdf_is_tried_as_init_would_build_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    validate: Validate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What only the built robot shows: collision beside what is seen."""
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
-    path = tmp_path / "r.urdf"
-    path.write_text(SHIFTED.format(0))
-    assert "0 errors, 0 warnings" in ran(capsys, path)[1]
-    path.write_text(SHIFTED.format(0.06))
-    code, said = ran(capsys, path)
+    assert "0 errors, 0 warnings" in validate("r.urdf", SHIFTED.format(0))[1]
+    code, said = validate("r.urdf", SHIFTED.format(0.06))
     assert (code, "warning coverage.shift" in said) == (0, True)
-    assert "0 warnings" in ran(capsys, path, "--static")[1]
+    assert "0 warnings" in validate("r.urdf", None, "--static")[1]
     assert [p.name for p in tmp_path.iterdir() if p.name != "cache"] == ["r.urdf"]
 
 
-def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "r.urdf"
-    nobodys = mesh("package://nobody/a.stl")
-    path.write_text(SHIFTED.format(0).replace(box(0.2), nobodys, 1))
-    code, said = ran(capsys, path)
+def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(validate: Validate) -> None:
+    text = SHIFTED.format(0).replace(box(0.2), mesh("package://nobody/a.stl"), 1)
+    code, said = validate("r.urdf", text)
     assert (code, "warning trials.not_simulated" in said) == (0, True)
     assert "--package nobody=FOLDER" in said
 
 
-def test_a_usd_is_tried_in_physx_or_says_how(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "a.usda"
-    path.write_text(CUBE)
-    said = ran(capsys, path, "--json")[1]
-    rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
+def test_a_usd_is_tried_in_physx_or_says_how(validate: Validate) -> None:
     physx = importlib.util.find_spec("ovphysx") is not None
-    assert ("physx.articulation" if physx else "trials.not_simulated") in rules
-    assert "trials.not_simulated" not in ran(capsys, path, "--static")[1]
+    tried = rules(validate("a.usda", CUBE, "--json")[1])
+    assert ("physx.articulation" if physx else "trials.not_simulated") in tried
+    assert "trials.not_simulated" not in validate("a.usda", CUBE, "--static")[1]
 
 
-def test_a_file_of_another_kind_or_none_is_a_wrong_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a.txt").write_text("x")
-    assert ran(capsys, tmp_path / "a.txt")[0] == 2
-    assert ran(capsys, tmp_path / "missing.xml")[0] == 2
-    assert "is no bundle" in ran(capsys, tmp_path)[1]
+def test_a_file_of_another_kind_or_none_is_a_wrong_command(validate: Validate) -> None:
+    assert validate("a.txt", "x")[0] == 2
+    assert validate("missing.xml", None)[0] == 2
+    assert "is no bundle" in validate("", None)[1]
 
 
-def test_a_usd_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "a.usda").write_text("not usd")
-    code, said = ran(capsys, tmp_path / "a.usda")
+def test_a_usd_that_is_none(validate: Validate) -> None:
+    code, said = validate("a.usda", "not usd")
     assert (code, "usd.unreadable" in said) == (1, True)
     assert "trials.not_simulated" in said
-    (tmp_path / "b.usda").write_text("#usda 1.0\n( subLayers = [@a.usda@] )\n")
-    code, said = ran(capsys, tmp_path / "b.usda")
+    code, said = validate("b.usda", "#usda 1.0\n( subLayers = [@a.usda@] )\n")
     assert (code, "usd.unreadable" in said) == (1, True)
 
 
 @pytest.mark.parametrize("more", ["<mujoco/>", "\0"])
-def test_what_mujoco_reads_and_nobody_else_is_told(
-    more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "arm.xml").write_text(ARM.format("") + more)
-    code, said = ran(capsys, tmp_path / "arm.xml", "--static")
+def test_what_mujoco_reads_and_nobody_else_is_told(more: str, validate: Validate) -> None:
+    code, said = validate("arm.xml", ARM.format("") + more, "--static")
     assert (code, "lint.malformed" in said) == (0, True)
 
 
 @pytest.mark.parametrize("option", ['<option timestep="0"/>', '<option gravity="0 0 nan"/>'])
-def test_numbers_that_simulate_nothing_are_an_error(
-    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "arm.xml").write_text(ARM.format(option))
-    code, said = ran(capsys, tmp_path / "arm.xml")
+def test_numbers_that_simulate_nothing_are_an_error(option: str, validate: Validate) -> None:
+    code, said = validate("arm.xml", ARM.format(option))
     assert (code, "error mjcf.load" in said) == (1, True)
 
 
@@ -228,11 +200,9 @@ def test_a_report_is_one_of_any_version(
 
 
 @pytest.mark.parametrize("pipe", ["arm.xml", "meshes/a.obj"])
-def test_a_pipe_is_not_read(pipe: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_is_not_read(pipe: str, validate: Validate, tmp_path: Path) -> None:
     mesh = '<compiler meshdir="meshes"/><asset><mesh file="a.obj"/></asset>'
     (tmp_path / "meshes").mkdir()
     os.mkfifo(tmp_path / pipe)
-    if pipe != "arm.xml":
-        (tmp_path / "arm.xml").write_text(ARM.format(mesh))
-    code, said = ran(capsys, tmp_path / "arm.xml")
+    code, said = validate("arm.xml", None if pipe == "arm.xml" else ARM.format(mesh))
     assert (code, "`a.obj`, which arm.xml names" in said) in ((2, False), (1, True))

@@ -52,10 +52,7 @@ def test_trainers_are_named_with_the_command_that_tries_them(warm_legs: Place):
 
 @pytest.mark.parametrize(
     ("asked", "why"),
-    [
-        ("free_fall: {}", "`targets` lacks `mjcf`"),
-        ("smoke: [mjlab]", "`targets` lacks `mjlab`"),
-    ],
+    [("free_fall: {}", "`targets` lacks `mjcf`"), ("smoke: [mjlab]", "`targets` lacks `mjlab`")],
 )
 def test_a_robot_is_ready_only_when_all_that_was_asked_for_has_run(
     warm_legs: Place, asked: str, why: str
