@@ -1,11 +1,10 @@
-"""A recipe with several mistakes, or a file that is no recipe: one run names all that is wrong."""
+"""Mistakes of users: one run names all that is wrong, with the place and the right exit code."""
 
 from __future__ import annotations
 
-import json
+from pathlib import Path
 
 import pytest
-from defusedxml.ElementTree import parse
 
 from .conftest import LEGS, Place
 
@@ -19,9 +18,7 @@ def errors(said: str) -> list[str]:
 def test_every_name_that_is_not_in_the_robot_is_named(legs: Place):
     row = "  - {joints: '.*', model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}"
     legs.edit(row.replace("'", '"'), row.replace("'.*'", "'.*_knee_joint'") + "\n" + row)
-    legs.edit(
-        "{default: {method: keep}}", "{default: {method: keep}, links: {tial: {method: none}}}"
-    )
+    legs.edit("{method: keep}}", "{method: keep}, links: {tial: {method: none}}}")
     legs.edit("base:", "fixed_joints: {merge: true, keep_bodies: [fot]}\nbase:")
     legs.edit("targets:", "imu: {link: trunkk}\nkeyframes: {home: {joints: {nobody: 0}}}\ntargets:")
     done = legs.run("build", "legs.yaml")
@@ -44,23 +41,32 @@ def test_mistakes_of_several_recipes_are_told_together(legs: Place):
     assert [line.split(":")[0] for line in errors(done.stderr)] == ["legs.yaml", "other.yaml"]
 
 
-def test_each_mistake_is_a_case_of_the_report_for_ci(legs: Place):
-    legs.edit("kp: 20", "kp: x")
-    legs.edit("targets: [urdf]", "targets: [mcjf]")
-    assert legs.build("--report-junit", "junit.xml").returncode == 2
-    cases = parse(legs.folder / "junit.xml").iter("error")
-    assert [case.get("message").split(": ")[0] for case in cases] == [
-        "legs.yaml:7:35", "legs.yaml:8:11"
-    ]  # fmt: skip
+def test_a_missing_mesh_is_named_with_its_line_and_the_bundle_stays(built_legs: Place):
+    def stamps() -> dict[Path, int]:
+        files = built_legs.bundle.rglob("*")
+        return {path: path.stat().st_mtime_ns for path in files if path.is_file()}
+
+    before = stamps()
+    assert before
+    shown = '</inertial><visual><geometry><mesh filename="trunk.stl"/></geometry></visual>'
+    built_legs.urdf.write_text(built_legs.urdf.read_text().replace("</inertial>", shown, 1))
+    done = built_legs.build()
+    assert (done.returncode, len(errors(done.stderr))) == (2, 1), done.stderr
+    for part in ("four_legs.urdf:4", "trunk.stl", "hint: "):
+        assert part in done.stderr
+    assert stamps() == before
 
 
-def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Place):
-    legs.edit("targets:", "rules: {urdf.reload.mass: {severity: info, because: known}}\ntargets:")
-    assert legs.build().returncode == 0
-    report = json.loads((legs.bundle / "report/report.json").read_text())
-    told = [one for one in report["findings"] if one["rule"].startswith("rules.")]
-    assert [(one["rule"], one["where"]) for one in told] == [("rules.renamed", "legs.yaml:8:9")]
-    assert "is called `equal.urdf.mass`" in told[0]["message"]
+def test_a_stale_lock_is_out_of_date(legs: Place):
+    legs.edit("path: robot", "pypi: example-robot-data==6.0.0")
+    legs.recipe.with_name("legs.lock.yaml").write_text(
+        "schema: assetbuild-lock/v1\nsource:\n  pypi: example-robot-data==5.0.0\n"
+        f'  file: example_robot_data-5.0.0-py3-none-any.whl\n  sha256: "{"0" * 64}"\n  size: 1\n'
+    )
+    for words in (["check"], ["build", "--frozen"]):
+        done = legs.run(*words, "legs.yaml")
+        assert (done.returncode, len(errors(done.stderr))) == (3, 1), done.stderr
+        assert "legs.lock.yaml" in done.stderr and "assetbuild lock" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""What is no plain file where a file is asked for, a disk that is really full, a later clock."""
+"""What is no plain file where a file is asked for, a disk that is really full, another user's
+machine: refused in a sentence, or the same bundle.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +19,7 @@ from .conftest import Place, new_legs
 
 pytestmark = pytest.mark.slow
 
+NOBODY = 65534
 MESH = stl(np.eye(3)[None])
 MOTORS = "m: {effort: 10, velocity: 20}\n"
 ODD: dict[str, Callable[[Path], object]] = {
@@ -76,16 +79,48 @@ def test_names_that_are_no_text_lie_in_the_source_unharmed(whole: Place):
     assert done.returncode == 0, done.stderr
 
 
-def test_a_robot_in_a_folder_whose_name_is_no_text(tmp_path: Path):
-    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9 \xff"))
-    legs = new_legs(folder, tmp_path / "store")
+def built(legs: Place, **options: object) -> bytes:
+    """The manifest that a process with these options of `subprocess` builds."""
     done = subprocess.run(
-        legs.command("build", "legs.yaml"), cwd=folder, env=legs.env(), capture_output=True
+        legs.command("build", "legs.yaml"),
+        cwd=legs.folder,
+        env=legs.env(HOME=str(legs.folder), TZ="Asia/Tokyo"),
+        capture_output=True,
+        timeout=300,
+        **options,  # type: ignore[call-overload]  # keyword arguments of subprocess
     )
     assert done.returncode == 0, done.stderr.decode(errors="replace")
+    return legs.manifest()
 
 
-def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, built_legs: Place):
+def test_a_robot_in_a_folder_whose_name_is_no_text(tmp_path: Path, built_legs: Place):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9 \xff"))
+    assert built(new_legs(folder, tmp_path / "store")) == built_legs.manifest()
+
+
+def test_a_private_umask_and_files_in_another_order_with_other_dates(
+    legs: Place, built_legs: Place
+):
+    for path in (legs.urdf, legs.recipe):  # the other way round, and long ago
+        text = path.read_bytes()
+        path.unlink()
+        path.write_bytes(text)
+        os.utime(path, (1e9, 1e9))
+    assert built(legs, umask=0o077) == built_legs.manifest()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can build as another user")
+def test_another_user(tmp_path: Path, built_legs: Place):
+    legs = new_legs(tmp_path / "legs")
+    for path in (tmp_path, *tmp_path.rglob("*")):
+        os.chown(path, NOBODY, NOBODY)
+    for parent in tmp_path.parents:
+        if not parent.stat().st_mode & 0o001:
+            pytest.skip(f"another user cannot reach {parent}")
+    assert built(legs, user=NOBODY, group=NOBODY) == built_legs.manifest()
+
+
+def test_a_clock_a_year_on(tmp_path: Path, built_legs: Place):
     """Every Python of the build believes that it is another year."""
     shift = tmp_path / "shift"
     shift.mkdir()

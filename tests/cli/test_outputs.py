@@ -69,21 +69,16 @@ def test_findings_are_marked_at_their_file_and_line(tmp_path):
     (tmp_path / "robots").mkdir()
     (tmp_path / "recipes").mkdir()
     (tmp_path / "robots/tiny.urdf").write_text("<robot/>")
-    place, (inside, outside) = tmp_path / "recipes/tiny.yaml", (HEAVY, SPEED)
-    for path, at in (
-        ("../robots", ("robots/tiny.urdf", "7")),
-        ("x.zip", ("recipes/tiny.yaml", "")),
+    for path, where in (
+        ("../robots", "file=robots/tiny.urdf,line=7"),
+        ("x.zip", "file=recipes/tiny.yaml"),
     ):
-        one = outcome(inside, outside)
-        source = SimpleNamespace(path=path, root=".")
-        one.loaded = SimpleNamespace(
-            recipe=SimpleNamespace(robot="tiny", source=source), path=place
-        )
+        one = outcome(HEAVY, SPEED)
+        recipe = SimpleNamespace(robot="tiny", source=SimpleNamespace(path=path, root="."))
+        one.loaded = SimpleNamespace(recipe=recipe, path=tmp_path / "recipes/tiny.yaml")
         error, warning = annotation_lines([one], tmp_path)
-        file, line = at
-        where = f"file={file},line={line}" if line else f"file={file}"
         assert error.startswith(f"::error {where},title=inertia.triangle::")
-        assert ("tiny.urdf:7" in error) == (not line)
+        assert ("tiny.urdf:7" in error) == (path == "x.zip")
         assert "%0A" not in error.partition("hint")[0].partition("::")[0]
         assert warning.startswith("::warning ") and "12345" not in warning
     assert "\n" not in error
@@ -119,8 +114,7 @@ def test_a_build_leaves_all_three(warm_legs: Place):
     events = [json.loads(line) for line in lines]
     assert "13 bodies" in next(e["text"] for e in events if e["event"] == "message")
     assert next(e for e in events if e["event"] != "message")["event"] == "planned"
-    assert events[-1]["event"] == "outcome"
-    assert events[-1]["ready"]
+    assert (events[-1]["event"], events[-1]["ready"]) == ("outcome", True)
     finished = [e for e in events if e["event"] == "finished"]
     assert {e["status"] for e in finished} <= {"ran", "cached"}
     suite = ElementTree.parse(warm_legs.folder / "junit.xml").getroot()[0]
@@ -132,11 +126,13 @@ def test_a_build_leaves_all_three(warm_legs: Place):
     assert (warm_legs.folder / "summary.md").read_text().count("### legs") == 2
 
 
-def test_wrong_input_is_told_everywhere(tmp_path):
-    place = Place(tmp_path, tmp_path / "store")
+def test_every_mistake_is_told_everywhere(legs: Place):
+    legs.edit("kp: 20", "kp: x")
+    legs.edit("targets: [urdf]", "targets: [mcjf]")
     words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
-    done = place.run("build", "none.yaml", *words, GITHUB_STEP_SUMMARY="summary.md")
-    assert done.returncode == 2
-    assert json.loads((tmp_path / "events.ndjson").read_text())["event"] == "error"
-    assert ElementTree.parse(tmp_path / "junit.xml").getroot()[0].get("errors") == "1"
-    assert "not built" in (tmp_path / "summary.md").read_text()
+    assert legs.build(*words, GITHUB_STEP_SUMMARY="summary.md").returncode == 2
+    assert json.loads((legs.folder / "events.ndjson").read_text())["event"] == "error"
+    cases = ElementTree.parse(legs.folder / "junit.xml").iter("error")
+    places = [case.get("message").split(": ")[0] for case in cases]
+    assert places == ["legs.yaml:7:35", "legs.yaml:8:11"]
+    assert "not built" in (legs.folder / "summary.md").read_text()
