@@ -34,29 +34,6 @@ keyframes:
 """
 
 
-@pytest.fixture
-def load(tmp_path, monkeypatch):
-    """Write text as `recipes/r.yaml` below the working folder and load it."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "recipes").mkdir()
-
-    def load_text(text: str, variant: str | None = None):
-        (tmp_path / "recipes/r.yaml").write_text(text, encoding="utf-8")
-        return load_recipe(tmp_path / "recipes/r.yaml", variant)
-
-    return load_text
-
-
-@pytest.fixture
-def refused(load):
-    def refuse(text: str, variant: str | None = None) -> RecipeError:
-        with pytest.raises(RecipeError) as caught:
-            load(text, variant)
-        return caught.value
-
-    return refuse
-
-
 def test_a_good_recipe_loads_with_its_numbers(load):
     recipe = load(GOOD).recipe
     assert recipe.motors["m"].rotor_inertia == 1e-4
@@ -88,33 +65,15 @@ def test_an_error_of_the_plan_reads_like_one_of_ours(load):
     )
 
 
-def test_a_misspelt_key_is_named_with_the_right_one(refused):
-    error = refused(GOOD.replace("  default:", "  defualt:"))
-    assert str(error) == (
-        "recipes/r.yaml:7:3: collision.defualt: unknown key\nhint: did you mean `default`?"
-    )
-
-
-@pytest.mark.parametrize(
-    ("word", "hint"),
-    [
-        ("stiffness", "did you mean `kp`? `damping` is the joint's own, the drive's is `kd`"),
-        ("kv", "did you mean `kd`?"),
-        ("forcerange", "did you mean `effort`?"),
-    ],
-)
-def test_the_word_of_a_simulator_is_answered_with_the_key_that_means_it(word, hint, refused):
-    assert refused(GOOD.replace("kp: 80", f"{word}: 80")).hint == hint
-
-
-def test_an_aliased_key_is_known_by_the_name_people_write(refused):
-    error = refused(GOOD.replace("{method: hull}", "{method: hull, form: visual}"))
-    assert error.hint == "did you mean `from`?"
-
-
 @pytest.mark.parametrize(
     ("old", "new", "place", "said", "hint"),
     [
+        ("  default:", "  defualt:", "7:3", "collision.defualt: unknown key", "`default`"),
+        ("hull}", "hull, form: visual}", "7:27", "`hull` has no key `form`", "`from`?"),
+        ("kp: 80", "kv: 80", "13:34", "unknown key", "did you mean `kd`?"),
+        ("kp: 80", "forcerange: 80", "13:34", "unknown key", "did you mean `effort`?"),
+        ("kp: 80", "stiffness: 80", "13:34", "unknown key",
+         "did you mean `kp`? `damping` is the joint's own, the drive's is `kd`"),
         ("shape: sphere", "shape: spere", "9:43", "expected `box`, `sphere`", "`sphere`"),
         ("kp: 80", "kp: 8O", "13:38", "expected a number, found the text `8O`", "N m/rad"),
         ("kp: 80", "kp: yes", "13:38", "expected a number, found the text `yes`", ""),
@@ -123,20 +82,8 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
         ("kp: 80", "kp: -1", "13:38", "must be at least 0, found `-1`", ""),
         ("kp: 80", "kp: .inf", "13:38", "must be finite", ""),
         ("hull}", "hull, max_outside: 5}", "7:40", "must be at most 1", "`5 mm` or m"),
-        (
-            "motors:",
-            "simulation: {timestep: 200}\nmotors:",
-            "10:24",
-            "must be at most 1",
-            "step, s",
-        ),
-        (
-            "motors:",
-            "cameras: {c: {rpy: [0, 0, 90]}}\nmotors:",
-            "10:27",
-            "90 degrees are 1.571",
-            "",
-        ),
+        ("motors:", "simulation: {timestep: 200}\nmotors:", "10:24", "at most 1", "step, s"),
+        ("motors:", "cameras: {c: {rpy: [0, 0, 90]}}\nmotors:", "10:27", "are 1.571", ""),
         ("gear: 6", "gear: 0", "11:34", "must be greater than 0", ""),
         ("robot: tiny", "robot: 12", "2:8", "expected text, found `12`", 'quotes: "12"'),
         ("robot: tiny", "robot: ../x", "2:8", "does not fit", "name of the robot"),
@@ -148,20 +95,8 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
         ("path: tiny", "pypi: '-r==1'", "4:9", "does not fit", "name==version"),
         ("on_ground", "on_grund", "17:16", "`on_ground` or a list", "`on_ground`"),
         ("on_ground", "[0, 0]", "17:10", "missing entry 3", ""),
-        (
-            "collision:",
-            "identify: [{logs: []}]\ncollision:",
-            "6:13",
-            "1 or more items, found 0",
-            "",
-        ),
-        (
-            "robot: tiny",
-            "robot: tiny\nabout: {vendor: ''}",
-            "3:17",
-            "1 or more characters, found",
-            "",
-        ),
+        ("collision:", "identify: [{logs: []}]\ncollision:", "6:13", "1 or more items", ""),
+        ("robot: tiny", "robot: tiny\nabout: {vendor: ''}", "3:17", "1 or more characters", ""),
         ("collision:", "identify: [{logs: [a.csv]}]\ncollision:", "6:20", "expected a map", ""),
         ("on_ground", "[0, 0, x]", "17:23", "expected a number", ""),
         ('".*_hip": 0.5', '"[": 0.5', "17:36", "not a regular expression", ""),
@@ -172,7 +107,7 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
         ("collision:", "targets: [urdf, mjcf, urdf]\ncollision:", "6:1", "named twice: urdf", ""),
         ("collision:", "mjcf: {grammar: 5}\ncollision:", "6:17", "of MuJoCo 3.11 and 4.0", ""),
     ],
-)
+)  # fmt: skip
 def test_each_mistake_has_its_place_and_its_words(refused, old, new, place, said, hint):
     assert old in GOOD
     error = refused(GOOD.replace(old, new, 1))
@@ -183,12 +118,8 @@ def test_each_mistake_has_its_place_and_its_words(refused, old, new, place, said
 
 
 def test_every_mistake_is_told_in_the_order_of_the_file(refused):
-    text = (
-        GOOD.replace("kp: 80", "kp: x")
-        .replace("gear: 6", "gaer: 6")
-        .replace("hull}", "hull, b: 1}")
-    )
-    error = refused(text)
+    text = GOOD.replace("kp: 80", "kp: x").replace("gear: 6", "gaer: 6")
+    error = refused(text.replace("hull}", "hull, b: 1}"))
     assert [str(each).splitlines()[0] for each in error.each()] == [
         "recipes/r.yaml:7:27: collision.default.b: `hull` has no key `b`",
         "recipes/r.yaml:11:28: motors.m.gaer: unknown key",
@@ -200,14 +131,10 @@ def test_plug_ins_that_there_are_not_are_told_with_all_other_mistakes(refused):
     text = GOOD.replace("method: hull", "method: hul").replace("kp: 80", "kp: x")
     text += "targets: [mjcf, mcjf]\nedits:\n  - {set_mas: {}}\nvariants: {v: {colision: {}}}\n"
     errors = refused(text).each()
-    said = [error.message.partition(": expected ")[0] for error in errors]
-    assert said == [
-        "collision.default.method",
-        "actuators[0].kp",
-        "targets[1]",
-        "edits[0].set_mas: unknown key",
-        "colision: unknown key",
-    ]
+    assert [error.message.partition(": expected ")[0] for error in errors] == [
+        "collision.default.method", "actuators[0].kp", "targets[1]",
+        "edits[0].set_mas: unknown key", "colision: unknown key",
+    ]  # fmt: skip
     hints = ("`hull`", "", "`mjcf`", "`set_mass`", "`collision`")
     assert all(hint in error.hint for hint, error in zip(hints, errors, strict=True))
 
@@ -266,10 +193,8 @@ def test_fifty_thousand_mistakes_cost_little_time_and_memory(tmp_path):
         "unit = 1024 if sys.platform == 'darwin' else 1\n"
         "print(time.process_time() - start, (memory() - before) // unit // 1024, text, sep='|')\n"
     )
-    path = tmp_path / "r.yaml"
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(path)], capture_output=True, text=True
-    )
+    command = [sys.executable, "-c", program, str(tmp_path / "r.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     seconds, megabytes, text, uncounted = done.stdout.split("|")
     assert "missing key" in text or "unknown key" in text

@@ -2,14 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
-
-from assetbuild.errors import RecipeError
-from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.recipe.loader import LoadedRecipe
-
 RECIPE = """\
 schema: assetbuild/v1
 robot: tiny
@@ -35,11 +27,6 @@ VALUES = {
 }
 
 
-def loaded(folder: Path, text: str) -> LoadedRecipe:
-    (folder / "r.yaml").write_text(text)
-    return load_recipe(folder / "r.yaml", "hard")
-
-
 def value(recipe: object, key: str) -> object:
     for part in key.split("."):
         if part.isdigit() or isinstance(recipe, dict):
@@ -49,28 +36,26 @@ def value(recipe: object, key: str) -> object:
     return recipe
 
 
-def test_old_keys_set_what_the_new_ones_do(tmp_path: Path):
-    recipe = loaded(tmp_path, RECIPE)
+def test_old_keys_set_what_the_new_ones_do(load):
+    recipe = load(RECIPE, "hard")
     assert {key: value(recipe.recipe, key) for key in VALUES} == VALUES
 
 
-def test_each_old_key_is_a_finding_with_its_line_and_new_name(tmp_path: Path):
-    assert {f.rule for f in loaded(tmp_path, RECIPE).renamed} == {"recipe.renamed_key"}
-    found = [
-        (Path(f.where).name, f.message.split("`")[1::2]) for f in loaded(tmp_path, RECIPE).renamed
-    ]
-    assert found == [
-        ("r.yaml:5:3", ["mask", "contype"]),
-        ("r.yaml:6:18", ["partners", "conaffinity"]),
-        ("r.yaml:8:29", ["tied", "shared"]),
-        ("r.yaml:8:43", ["use", "apply"]),
-        ("r.yaml:8:55", ["widest", "max_relative_interval"]),
-        ("r.yaml:9:21", ["dead", "min_response"]),
-        ("r.yaml:9:45", ["broken", "error_limit"]),
-        ("r.yaml:11:28", ["broken", "error_limit"]),
+def test_each_old_key_is_a_finding_with_its_line_and_new_name(load):
+    renamed = load(RECIPE, "hard").renamed
+    assert {f.rule for f in renamed} == {"recipe.renamed_key"}
+    assert [(f.where, f.message.split("`")[1::2]) for f in renamed] == [
+        ("recipes/r.yaml:5:3", ["mask", "contype"]),
+        ("recipes/r.yaml:6:18", ["partners", "conaffinity"]),
+        ("recipes/r.yaml:8:29", ["tied", "shared"]),
+        ("recipes/r.yaml:8:43", ["use", "apply"]),
+        ("recipes/r.yaml:8:55", ["widest", "max_relative_interval"]),
+        ("recipes/r.yaml:9:21", ["dead", "min_response"]),
+        ("recipes/r.yaml:9:45", ["broken", "error_limit"]),
+        ("recipes/r.yaml:11:28", ["broken", "error_limit"]),
     ]
 
 
-def test_a_key_by_both_names_is_refused(tmp_path: Path):
-    with pytest.raises(RecipeError, match=r"contact\.mask: unknown key"):
-        loaded(tmp_path, RECIPE.replace("  mask: 3", "  mask: 3\n  contype: 1"))
+def test_a_key_by_both_names_is_refused(refused):
+    text = RECIPE.replace("  mask: 3", "  mask: 3\n  contype: 1")
+    assert "contact.mask: unknown key" in refused(text, "hard").message

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from assetbuild.errors import RecipeError
-from assetbuild.pipeline.recipes import load_recipe
-
 BASE = """\
 schema: assetbuild/v1
 robot: tiny
@@ -33,17 +30,6 @@ variants:
     actuators: [{joints: ".*", kp: 5}]
     keyframes: {crouch: {joints: {knee: 2}}}
 """
-
-
-@pytest.fixture
-def load(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def load_text(text: str, variant: str | None = None):
-        (tmp_path / "r.yaml").write_text(text, encoding="utf-8")
-        return load_recipe("r.yaml", variant)
-
-    return load_text
 
 
 def test_maps_are_merged_and_lists_replaced(load):
@@ -84,17 +70,14 @@ def test_a_patched_value_stands_in_the_variant_and_the_rest_in_the_base(load):
     ],
     ids=["unknown", "none at all", "variants in a variant", "a mistake though nobody asked"],
 )
-def test_a_wrong_variant_is_one_error(load, old, new, variant, place, said, hint):
-    with pytest.raises(RecipeError) as caught:
-        load(BASE.replace(old, new) if old else BASE, variant)
-    assert str(caught.value.where).endswith(place)
-    assert said in caught.value.message and hint in caught.value.hint
+def test_a_wrong_variant_is_one_error(refused, old, new, variant, place, said, hint):
+    error = refused(BASE.replace(old, new) if old else BASE, variant)
+    assert str(error.where).endswith(place)
+    assert said in error.message and hint in error.hint
 
 
-def test_many_variants_of_a_large_recipe_are_refused_before_they_cost_time(load):
+def test_many_variants_of_a_large_recipe_are_refused_before_they_cost_time(refused):
     rows = "\n".join(f'  - {{joints: "j{i}", kp: 1}}' for i in range(5000))
     text = BASE.replace('  - {joints: ".*", kp: 80}', rows)
     text += "".join(f"  v{i}: {{}}\n" for i in range(60))
-    with pytest.raises(RecipeError) as caught:
-        load(text)
-    assert "too large" in caught.value.message
+    assert "too large" in refused(text).message
