@@ -7,6 +7,8 @@ from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
+import pytest
+
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import make_report
@@ -79,14 +81,11 @@ def test_a_waived_finding_stays_in_the_open_with_its_reason():
     assert "Waived, was warning: carbon tube" in text
 
 
-def test_rows_of_numbers_become_a_table_with_the_name_first():
+def test_rows_maps_and_lists_of_numbers_become_tables_with_the_name_first():
     rows = [{"gap_m": 0.1, "link": "a"}, {"gap_m": 0.2, "link": "b", "more": 1}]
     (shown,) = tables_of("per_link", rows)
     assert shown.head == ("link", "gap, m", "more")
     assert shown.rows == (("a", 0.1, None), ("b", 0.2, 1))
-
-
-def test_maps_of_maps_and_lists_of_lists_are_tables_too():
     (by_name,) = tables_of("load", {"hip": {"nm": 1.0}, "knee": {"nm": 2.0}})
     assert by_name.rows == (("hip", 1.0), ("knee", 2.0))
     (pairs,) = tables_of("overlaps", [["a", "b", 0.1], ["c", "d", 0.2]])
@@ -101,38 +100,38 @@ def test_a_failed_check_is_open_and_a_passed_one_closed():
 def test_the_first_screen_has_the_hero_and_the_lines_that_load_the_bundle():
     text = page()
     head = unescape(text.partition('id="findings"')[0])
-    for shown in (
-        'class="hero"',
-        'from_xml_path("build/tiny/mjcf/scene.xml")',
-        "What to do next",
-    ):
+    for shown in ('class="hero"', 'from_xml_path("build/tiny/mjcf/scene.xml")', "What to do next"):
         assert shown in head, shown
     assert text.count("data:image/png") == 1, "the hero is shown once"
 
 
-def test_each_check_is_a_sentence_with_its_number_and_limit():
-    figures = {"kinematics_error": 1.10576e-15, "gravity_error": 0.0, "poses": 50}
-    shown = page(checks={"oracle": CheckResult("pass", figures)})
-    assert "in 50 poses: largest relative error 1.1e-15, limit 1e-9" in shown
-    equal = CheckResult("pass", {"facts": 2560, "differ": 0})
-    assert sentence("usd_equal", equal) == "2,560 values of the USD match the robot"
-    mass = CheckResult("pass", {"total_kg": 13.100529, "datasheet_kg": None, "bodies": [{}, {}]})
-    assert sentence("mass", mass) == "13.1 kg in 2 bodies"
-    assert "datasheet" not in str(list(figures_of("mass", mass)))
-    assert sentence("own", CheckResult("pass", {"gap_m": 0.123456})) == "gap 0.1235 m"
+MASS = {"total_kg": 13.100529, "datasheet_kg": None, "bodies": [{}, {}]}
 
 
-def test_every_check_of_a_bundle_has_a_sentence():
+@pytest.mark.parametrize(
+    ("check", "figures", "said"),
+    [
+        ("oracle", {"kinematics_error": 1.10576e-15, "gravity_error": 0.0, "poses": 50},
+         "in 50 poses: largest relative error 1.1e-15, limit 1e-9"),
+        ("usd_equal", {"facts": 2560, "differ": 0}, "2,560 values of the USD match the robot"),
+        ("mass", MASS, "13.1 kg in 2 bodies"),
+        ("own", {"gap_m": 0.123456}, "gap 0.1235 m"),
+        ("coverage", {"bodies": [{"body": "trunk", "sticks_out_mm": 11.0}]},
+         "geometry of 1 bodies compared"),
+        ("physx_slope", {"usd": {"speed_m_s": 0.0005}},
+         "usd: creeps at 0.5 mm/s below the angle of friction"),
+        ("smoke_mjlab", {"fell": 0, "summary": "0 of 8 robots fell"}, "0 of 8 robots fell"),
+    ],
+)  # fmt: skip
+def test_each_check_is_a_sentence_with_its_number_and_limit(check, figures, said):
     """Also one that runs in another simulator, and a trainer's."""
-    bodies = {"bodies": [{"body": "trunk", "sticks_out_mm": 11.0}]}
-    assert sentence("coverage", CheckResult("pass", bodies)).endswith(
-        "geometry of 1 bodies compared"
-    )
-    slope = {"usd": {"speed_m_s": 0.0005}}
-    said = sentence("physx_slope", CheckResult("pass", slope))
-    assert said == "usd: creeps at 0.5 mm/s below the angle of friction"
-    trained = CheckResult("pass", {"fell": 0, "summary": "0 of 8 robots fell"})
-    assert sentence("smoke_mjlab", trained) == "0 of 8 robots fell"
+    result = CheckResult("pass", figures)
+    assert sentence(check, result).endswith(said)
+    assert said in page(checks={check: result})
+
+
+def test_a_figure_that_nobody_stated_is_not_shown():
+    assert "datasheet" not in str(list(figures_of("mass", CheckResult("pass", MASS))))
 
 
 class Tags(HTMLParser):
@@ -160,6 +159,6 @@ def test_what_was_identified_stands_in_tables_with_what_was_refused():
         predictions=(Prediction("knee", 0.001, 0.02, 0.002),),
     )
     shown = replace(subject(), fits=(fit,))
-    page = html_page(make_report("tiny", [], {}, {}, lambda _: ""), shown, None, None)
-    assert "1 of 2 parameters are identified" in page
-    assert "the logs do not show it" in page and "log.csv" in page
+    text = html_page(make_report("tiny", [], {}, {}, lambda _: ""), shown, None, None)
+    for told in ("1 of 2 parameters are identified", "the logs do not show it", "log.csv"):
+        assert told in text

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,23 +15,21 @@ import pytest
 from robot_files import run_step, write_robot_ports
 from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, tiny_quadruped
 
-from assetbuild.body.measure_bodies import measure
 from assetbuild.findings import Finding
 from assetbuild.plugin_types import Check
 from assetbuild.plugins import load_plugin, plugin_names
-from assetbuild.report.card import Subject
 from assetbuild.report.document import make_report
 from assetbuild.report.html import html_page
 from assetbuild.report.verdict import CheckResult
 from assetbuild.robot.inertia import rotate_tensor
-from assetbuild.robot.model import Body, Joint
+from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, normalised_quat
-from assetbuild.robot.shapes import Box, Capsule, Shape, Sphere
+from assetbuild.robot.shapes import Box, Shape, Sphere
 from assetbuild.robot.sides import Side
 from assetbuild.robot.softness import CouplingError, LimitError, softened
 from assetbuild.targets.mjcf import Mjcf
 
-from .robots_for_tests import recipe
+from .robots_for_tests import changed, recipe, subject, with_drives, with_joint
 
 pytestmark = pytest.mark.slow
 
@@ -72,68 +69,47 @@ def sound() -> TinyRobot:
     return replace(robot, shapes=replace(robot.shapes, shapes=tuple(shapes)))
 
 
-def with_joint(robot: TinyRobot, name: str, change: Callable[[Joint], Joint]) -> TinyRobot:
-    joints = tuple(change(j) if j.name == name else j for j in robot.tree.joints)
-    return replace(robot, tree=replace(robot.tree, joints=joints))
+THIGH = next(body for body in tiny_quadruped().tree.bodies if body.name == "FR_thigh").inertial
 
 
-def with_body(robot: TinyRobot, name: str, change: Callable[[Body], Body]) -> TinyRobot:
-    bodies = tuple(change(b) if b.name == name else b for b in robot.tree.bodies)
+def with_thigh(robot: TinyRobot, inertial: Inertial) -> TinyRobot:
+    bodies = changed(robot.tree.bodies, "FR_thigh", inertial=inertial)
     return replace(robot, tree=replace(robot.tree, bodies=bodies))
 
 
 def knee_reversed(robot: TinyRobot) -> TinyRobot:
-    return with_joint(robot, "FR_calf_joint", lambda j: replace(j, axis=(0.0, -1.0, 0.0)))
+    return with_joint(robot, "FR_calf_joint", axis=(0.0, -1.0, 0.0))
 
 
 def inertia_in_wrong_frame(robot: TinyRobot) -> TinyRobot:
     quarter = normalised_quat((1.0, 1.0, 0.0, 0.0))
-
-    def turn(body: Body) -> Body:
-        assert body.inertial is not None
-        tensor = rotate_tensor(body.inertial.inertia_com_kg_m2, quarter)
-        return replace(body, inertial=replace(body.inertial, inertia_com_kg_m2=tensor))
-
-    return with_body(robot, "FR_thigh", turn)
+    tensor = rotate_tensor(THIGH.inertia_com_kg_m2, quarter)
+    return with_thigh(robot, replace(THIGH, inertia_com_kg_m2=tensor))
 
 
 def mass_times_ten(robot: TinyRobot) -> TinyRobot:
-    def heavy(body: Body) -> Body:
-        assert body.inertial is not None
-        tensor = tuple(10.0 * v for v in body.inertial.inertia_com_kg_m2)
-        return replace(body, inertial=replace(
-            body.inertial, mass_kg=10.0 * body.inertial.mass_kg, inertia_com_kg_m2=tensor
-        ))  # fmt: skip
-
-    return with_body(robot, "FR_thigh", heavy)
+    tensor = tuple(10.0 * v for v in THIGH.inertia_com_kg_m2)
+    return with_thigh(robot, Inertial(10.0 * THIGH.mass_kg, THIGH.com_m, tensor))
 
 
 def limits_swapped(robot: TinyRobot) -> TinyRobot:
-    """Hips open to 0.9 rad outwards and 0.4 inwards; two of four got the other side's."""
-    for leg, inwards in (("FR", False), ("RR", False), ("FL", True), ("RL", False)):
-        outside = 1.0 if leg.endswith("L") else -1.0
-        lower, upper = sorted((-0.4 * outside, 0.9 * outside))
-        if inwards:
-            lower, upper = -upper, -lower
-        robot = with_joint(robot, f"{leg}_hip_joint", lambda j, lo=lower, up=upper: replace(
-            j, limits=replace(j.limits, lower=lo, upper=up)))  # fmt: skip
+    """Hips open to 0.9 rad outwards and 0.4 inwards; the front left one got the right side's."""
+    right, left = (-0.9, 0.4), (-0.4, 0.9)
+    for leg, (lower, upper) in {"FR": right, "FL": right, "RR": right, "RL": left}.items():
+        hip = next(j for j in robot.tree.joints if j.name == f"{leg}_hip_joint")
+        limits = replace(hip.limits, lower=lower, upper=upper)
+        robot = with_joint(robot, hip.name, limits=limits)
     return robot
 
 
 def collision_shifted(robot: TinyRobot) -> TinyRobot:
-    shapes = tuple(
-        replace(s, X_link_shape=Pose((0.03, 0.0, -SEGMENT_M / 2)))
-        if s.name == "FR_thigh_collision"
-        else s
-        for s in robot.shapes.shapes
-    )
-    assert isinstance(next(s for s in shapes if s.name == "FR_thigh_collision").geometry, Capsule)
+    aside = Pose((0.03, 0.0, -SEGMENT_M / 2))
+    shapes = changed(robot.shapes.shapes, "FR_thigh_collision", X_link_shape=aside)
     return replace(robot, shapes=replace(robot.shapes, shapes=shapes))
 
 
 def gain_in_degrees(robot: TinyRobot) -> TinyRobot:
-    drives = tuple(replace(a, kp=a.kp * math.pi / 180) for a in robot.control.actuators)
-    return replace(robot, control=replace(robot.control, actuators=drives))
+    return with_drives(robot, kp=robot.control.actuators[0].kp * math.pi / 180)
 
 
 def feet_above_the_floor(robot: TinyRobot) -> TinyRobot:
@@ -169,9 +145,8 @@ def checked(robot: TinyRobot, folder: Path) -> tuple[list[Finding], str]:
             bad = any(f.severity == "error" for f in own)
             checks[name] = CheckResult("fail" if bad else "pass")
     report = make_report("tiny", found, checks, {}, lambda _: "")
-    measured = measure(robot.tree, robot.control)
-    subject = Subject(RECIPE, {}, robot.tree, robot.shapes, robot.control, measured)
-    return [f for f in found if f.severity != "info"], html_page(report, subject, [], None)
+    page = html_page(report, subject(robot, RECIPE), [], None)
+    return [f for f in found if f.severity != "info"], page
 
 
 def test_the_robot_is_sound_before(tmp_path: Path):
