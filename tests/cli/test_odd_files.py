@@ -120,7 +120,7 @@ def test_another_user(tmp_path: Path, built_legs: Place):
     assert built(legs, user=NOBODY, group=NOBODY) == built_legs.manifest()
 
 
-def test_a_clock_a_year_on(tmp_path: Path, built_legs: Place):
+def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, built_legs: Place):
     """Every Python of the build believes that it is another year."""
     shift = tmp_path / "shift"
     shift.mkdir()

@@ -38,25 +38,24 @@ from assetbuild.targets.mjcf import Mjcf
 pytestmark = pytest.mark.usefixtures("drawing")
 
 
-def ball_robot(faces_goal: int = 5000) -> TinyRobot:
-    """The pendulum with one more visual: a ball of 0.1 m, finely meshed, and its sphere."""
+PLACE = Pose((0.0, 0.0, 0.5))
+
+
+def mesh_robot(mesh: trimesh.Trimesh, *shapes: Shape) -> TinyRobot:
+    """The pendulum with these shapes in the place of its own, of which some show the mesh."""
+    data = obj_bytes(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+    asset = MeshAsset("mesh", "mesh.obj", len(mesh.vertices), len(mesh.faces))
+    return replace(pendulum(), shapes=Shapes(shapes, (), (asset,)), meshes={"mesh.obj": data})
+
+
+def ball_robot(*more: Shape) -> TinyRobot:
+    """A finely meshed ball of 0.1 m that is seen, and a sphere of 0.09 m that collides."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
-    data = obj_bytes(TriangleMesh(np.array(ball.vertices), np.array(ball.faces)))
-    robot = pendulum()
-    link = robot.tree.bodies[-1].name
-    asset = MeshAsset("ball-1", "ball-1.obj", len(ball.vertices), len(ball.faces))
-    shapes = Shapes(
-        (
-            Shape("ball", link, "visual", Mesh("ball-1"), Pose((0.0, 0.0, 0.5))),
-            Shape("hit", link, "collision", Sphere(0.09), Pose((0.0, 0.0, 0.5))),
-        ),
-        (),
-        (asset,),
-    )
-    return replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
+    seen = Shape("ball", "arm", "visual", Mesh("mesh"), PLACE)
+    return mesh_robot(ball, seen, Shape("hit", "arm", "collision", Sphere(0.09), PLACE), *more)
 
 
-BALL = read_triangles(ball_robot().meshes["ball-1.obj"])
+BALL = read_triangles(ball_robot().meshes["mesh.obj"])
 
 
 def test_light_meshes_have_fewer_triangles_and_the_same_shape():
@@ -82,13 +81,9 @@ def test_the_view_shows_the_thinned_mesh_unless_it_collides(
 ):
     fewer = functools.partial(lightened, max_faces=2000)
     monkeypatch.setattr("assetbuild.rendering.viewer.lightened", fewer)
-    robot = ball_robot()
-    if collides:
-        both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
-        robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    run_step(Viewer(), inputs, tmp_path / "out")
-    faces = base64.b64decode(view_of(tmp_path / "out")["meshes"]["ball-1"]["faces"])
+    more = [Shape("c", "base", "collision", Mesh("mesh"))] if collides else []
+    view = view_of(ball_robot(*more), tmp_path)
+    faces = base64.b64decode(view["meshes"]["mesh"]["faces"])
     shown = BALL if collides else fewer({"ball": BALL})["ball"]
     assert len(faces) == 2 * 3 * len(shown.faces)
 
@@ -114,17 +109,18 @@ def _pose(folder: Path, control: Control) -> bytes:
     return (folder / "out/control.json").read_bytes()
 
 
-def view_of(out: Path) -> dict:
-    """The content of the view's compressed file."""
-    packed = json.loads((out / "viewer.json").read_text())["gzip"]
-    return json.loads(gzip.decompress(base64.b64decode(packed)))
+def view_of(robot: TinyRobot, folder: Path) -> dict:
+    """The content of the view's compressed file; its findings are those of the step."""
+    inputs = write_robot_ports(folder / "in", robot)
+    findings = run_step(Viewer(), inputs, folder / "out")
+    packed = json.loads((folder / "out/viewer.json").read_text())["gzip"]
+    view = json.loads(gzip.decompress(base64.b64decode(packed)))
+    return view | {"rules": [finding.rule for finding in findings]}
 
 
 def test_the_view_tells_how_far_visual_and_collision_are_apart(tmp_path: Path):
     """A ball of 100 mm around a collision sphere of 90 mm: 10 mm are not covered, everywhere."""
-    inputs = write_robot_ports(tmp_path / "in", ball_robot())
-    run_step(Viewer(), inputs, tmp_path / "out")
-    view = view_of(tmp_path / "out")
+    view = view_of(ball_robot(), tmp_path)
     (row,) = [shape for shape in view["shapes"] if shape["role"] == "visual"]
     distance = np.frombuffer(base64.b64decode(row["distance"]), dtype=np.uint8)
     told = (distance.astype(float) - 128) / 127 * SPAN_M
@@ -133,14 +129,9 @@ def test_the_view_tells_how_far_visual_and_collision_are_apart(tmp_path: Path):
 
 def test_the_view_holds_boxes_and_packed_points(tmp_path: Path):
     """A mesh to a hundredth of a millimetre per metre; distances up to the span."""
-    robot = ball_robot()
-    box = Shape("b", robot.tree.root, "visual", Box((0.1, 0.2, 0.3)))
-    both = replace(robot.shapes, shapes=(*robot.shapes.shapes, box))
-    inputs = write_robot_ports(tmp_path / "in", replace(robot, shapes=both))
-    run_step(Viewer(), inputs, tmp_path / "out")
-    view = view_of(tmp_path / "out")
+    view = view_of(ball_robot(Shape("b", "base", "visual", Box((0.1, 0.2, 0.3)))), tmp_path)
     assert [row["dims"] for row in view["shapes"] if row["kind"] == "box"] == [[0.1, 0.2, 0.3]]
-    mesh = view["meshes"]["ball-1"]
+    mesh = view["meshes"]["mesh"]
     points = np.frombuffer(base64.b64decode(mesh["points"]), dtype="<u2").reshape(-1, 3)
     found = points / 65535 * mesh["size"] + mesh["lower"]
     assert np.abs(found - BALL.vertices).max() < 1e-5
@@ -158,11 +149,11 @@ def test_the_library_is_whole_and_says_whose_it_is():
 def test_a_trimesh_without_the_library_leaves_the_page_without_a_view(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    inputs = write_robot_ports(tmp_path / "in", ball_robot())
-    assert run_step(Viewer(), inputs, tmp_path / "with") == []
+    assert view_of(ball_robot(), tmp_path / "with")["rules"] == []
     monkeypatch.setattr(trimesh.__spec__, "origin", str(tmp_path / "trimesh/__init__.py"))
-    assert [f.rule for f in run_step(Viewer(), inputs, tmp_path / "out")] == ["viewer.none"]
-    assert view_of(tmp_path / "out")["shapes"]
+    view = view_of(ball_robot(), tmp_path / "without")
+    assert view["rules"] == ["viewer.none"]
+    assert view["shapes"]
 
 
 def test_a_machine_without_opengl_says_so_and_goes_on(tmp_path: Path):
@@ -186,8 +177,11 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The tiny quadruped as a scene of MuJoCo."""
     if renderer(World()) == "none":
         pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
-    folder = tmp_path_factory.mktemp("render")
-    run_step(Mjcf(robot="tiny"), write_robot_ports(folder / "in", tiny_quadruped()), folder)
+    return scene_of(tiny_quadruped(), tmp_path_factory.mktemp("render"))
+
+
+def scene_of(robot: TinyRobot, folder: Path) -> Path:
+    run_step(Mjcf(robot="tiny"), write_robot_ports(folder / "in", robot), folder)
     return folder / "mjcf/scene.xml"
 
 
@@ -201,6 +195,10 @@ def drawn(scene: Path) -> dict[str, bytes]:
     folder = scene.parents[1] / "all"
     draw_all(scene, folder, renderer(World()))
     return {path.stem: path.read_bytes() for path in folder.iterdir()}
+
+
+def pixels(data: bytes, mode: str) -> np.ndarray:
+    return np.asarray(Image.open(BytesIO(data)).convert(mode)).astype(int)
 
 
 def test_a_build_draws_one_picture_and_two_runs_the_same_bytes(scene: Path, rendered):
@@ -234,11 +232,10 @@ def test_every_picture_shows_something_of_its_own(rendered):
     """The robot fills its frame, and the shadow of the hero is not cut off at the edges."""
     assert rendered.keys() == {"hero", "behind", "collision", "inertia", "joints", "contacts"}
     assert len(set(rendered.values())) == len(rendered)
-    grey = {name: np.asarray(Image.open(BytesIO(data)).convert("L")).astype(int)
-            for name, data in rendered.items()}  # fmt: skip
-    for name, pixels in grey.items():
-        assert pixels.std() > 3.0, name
-        assert max(pixels.shape) == 1600, name
+    grey = {name: pixels(data, "L") for name, data in rendered.items()}
+    for name, picture in grey.items():
+        assert picture.std() > 3.0, name
+        assert max(picture.shape) == 1600, name
     rows, columns = np.nonzero(np.abs(grey["behind"] - BACKGROUND) > 12)
     height, width = grey["behind"].shape
     assert max(np.ptp(rows) / height, np.ptp(columns) / width) > 0.75
@@ -255,29 +252,19 @@ def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(
         [trimesh.creation.box(size) for size in ([0.6, 0.05, 0.05], [0.05, 0.6, 0.05])]
     )
     shown = []
-    for number, mesh in enumerate((cross, cross.convex_hull)):
-        robot = ball_robot()
-        data = obj_bytes(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
-        (ball,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
-        shapes = replace(robot.shapes, shapes=(replace(ball, role="collision"),))
-        robot = replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
-        inputs = write_robot_ports(tmp_path / f"in{number}", robot)
-        run_step(Mjcf(robot="pendulum"), inputs, tmp_path / f"model{number}")
-        pictures = drawn(tmp_path / f"model{number}/mjcf/scene.xml")
-        files = {name: Image.open(BytesIO(text)).convert("RGB") for name, text in pictures.items()}
-        shown.append({name: np.asarray(image).astype(int) for name, image in files.items()})
+    for name, mesh in (("cross", cross), ("hull", cross.convex_hull)):
+        robot = mesh_robot(mesh, Shape("c", "arm", "collision", Mesh("mesh"), PLACE))
+        pictures = drawn(scene_of(robot, tmp_path / name))
+        shown.append({name: pixels(data, "RGB") for name, data in pictures.items()})
     different = np.abs(shown[0]["collision"] - shown[1]["collision"]).max(axis=2) > 40
     assert different.mean() < 0.005, "the cross is drawn as its hull"
     assert shown[1]["hero"].std() > 10, "the floor alone is one grey"
 
 
 def test_a_robot_without_geometry_is_seen_by_its_inertia(tmp_path: Path, scene: Path):
-    robot = replace(ball_robot(), shapes=Shapes(), meshes={})
-    run_step(Mjcf(robot="bare"), write_robot_ports(tmp_path / "in", robot), tmp_path / "model")
-    pictures = drawn(tmp_path / "model/mjcf/scene.xml")
+    pictures = drawn(scene_of(replace(pendulum(), shapes=Shapes()), tmp_path))
     assert set(pictures) == {"hero", "joints"}
-    for data in pictures.values():
-        assert np.asarray(Image.open(BytesIO(data)).convert("RGB")).std() > 5
+    assert all(pixels(data, "RGB").std() > 5 for data in pictures.values())
 
 
 @pytest.mark.parametrize("scale", [0.01, 1.0, 30.0])
