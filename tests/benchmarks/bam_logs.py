@@ -14,7 +14,6 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -22,6 +21,8 @@ from typing import Any  # Any: the logs are JSON
 
 import mujoco
 import numpy as np
+
+from tests.benchmarks import assetbuild
 
 GAIN, FITTED = 400, ("sin_sin", "sin_time_square", "up_and_down")
 STALL_N_M, NO_LOAD_RAD_S, RATED_V = 0.52, 10.8, 5.0
@@ -55,16 +56,14 @@ def main(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         recipe = written(place, own)
-        fit = json.loads(run("identify", recipe, "--json"))[0]
+        fit = json.loads(assetbuild("identify", recipe, "--json"))[0]
 
         for each in fit["parameters"]:
-            shown = (
-                each["refused"] or f"{each['value']:.4g} ({each['low']:.4g}..{each['high']:.4g})"
-            )
-            print(f"{each['name']}: {shown} {each['unit']}")
-        run("build", recipe, "-o", place / "with", "--fail-on", "never")
+            value = "{value:.4g} ({low:.4g}..{high:.4g})".format(**each)
+            print(f"{each['name']}: {each['refused'] or value} {each['unit']}")
+        assetbuild("build", recipe, "-o", place / "with", "--fail-on", "never")
         recipe.write_text(recipe.read_text(encoding="utf-8").partition("identify:")[0])
-        run("build", recipe, "-o", place / "without", "--fail-on", "never")
+        assetbuild("build", recipe, "-o", place / "without", "--fail-on", "never")
         models = [
             mujoco.MjModel.from_xml_path(str(place / each / "mjcf/pendulum.xml"))
             for each in ("without", "with")
@@ -123,15 +122,6 @@ def rms(model: mujoco.MjModel, log: dict[str, Any]) -> float:
         apart.append(data.qpos[0] - then["position"])
     model.actuator_gainprm[0, 0], model.actuator_biasprm[0, 1] = kp, bias
     return float(np.sqrt(np.mean(np.square(apart))))
-
-
-def run(*words: object) -> str:
-    """`assetbuild ...`; its output."""
-    command = [sys.executable, "-m", "assetbuild", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(done.stderr[-3000:])
-    return done.stdout
 
 
 if __name__ == "__main__":

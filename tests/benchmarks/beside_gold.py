@@ -46,6 +46,10 @@ REASONS = (
      "ours: friction as in the recipe everywhere"),
     (r"name of free joint", "named, because mjlab asks for it"),
 )  # fmt: skip
+COUNTS = {
+    "bodies": "nbody", "joints": "njnt", "drives": "nu", "sites": "nsite", "sensors": "nsensor",
+    "excludes": "nexclude", "equalities": "neq", "keyframes": "nkey",
+}  # fmt: skip
 Row = tuple[str, str, str]
 
 
@@ -77,12 +81,8 @@ EQUAL = (
 
 def differences(model: mujoco.MjModel, gold: dict) -> Iterator[Row]:
     """(what, ours, theirs) of all that differs."""
-    yield from _counts(model, gold)
-    yield from _bodies(model, gold)
-    yield from _joints(model, gold)
-    yield from _drives(model, gold)
-    yield from _geoms(model, gold)
-    yield from _rest(model, gold)
+    for part in (_counts, _bodies, _joints, _drives, _geoms, _rest):
+        yield from part(model, gold)
 
 
 def _merged(rows: Iterator[Row]) -> Iterator[Row]:
@@ -109,15 +109,10 @@ def _shown(value: object) -> str:
 
 
 def _counts(model: mujoco.MjModel, gold: dict) -> Iterator[Row]:
-    solid = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
-    for what, ours, theirs in (
-        ("bodies", model.nbody, "nbody"), ("joints", model.njnt, "njnt"),
-        ("drives", model.nu, "nu"), ("sites", model.nsite, "nsite"),
-        ("sensors", model.nsensor, "nsensor"),
-        ("excludes", model.nexclude, "nexclude"), ("equalities", model.neq, "neq"),
-        ("keyframes", model.nkey, "nkey"), ("collision geoms", solid, "ncollision_geom"),
-    ):  # fmt: skip
-        yield from _differ(f"number of {what}", ours, gold[theirs])
+    for what, key in COUNTS.items():
+        yield from _differ(f"number of {what}", getattr(model, key), gold[key])
+    solid = int(_solid(model).sum())
+    yield from _differ("number of collision geoms", solid, gold["ncollision_geom"])
     yield from _differ("total mass, kg", model.body_mass.sum(), gold["total_mass"], 1e-6)
     option, theirs = model.opt, gold["option"]
     integrator, cone = mujoco.mjtIntegrator(option.integrator), mujoco.mjtCone(option.cone)
@@ -175,40 +170,42 @@ def _drives(model: mujoco.MjModel, gold: dict) -> Iterator[Row]:
 
 
 def _geoms(model: mujoco.MjModel, gold: dict) -> Iterator[Row]:
-    theirs: dict[str, list[dict]] = {}
-    for geom in gold["collision_geoms"]:
-        theirs.setdefault(geom["body"], []).append(geom)
-    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    for name, geoms in theirs.items():
-        own = [i for i in np.flatnonzero(solid) if model.body(model.geom_bodyid[i]).name == name]
-        kinds = [
-            mujoco.mjtGeom(model.geom_type[i]).name.removeprefix("mjGEOM_").lower() for i in own
-        ]
-        yield from _differ(
-            f"collision of {name}", _kinds(kinds), _kinds([g["type"] for g in geoms])
+    ours = [_geom(model, int(i)) for i in np.flatnonzero(_solid(model))]
+    for name in dict.fromkeys(geom["body"] for geom in gold["collision_geoms"]):
+        own, their = (
+            [geom for geom in geoms if geom["body"] == name]
+            for geoms in (ours, gold["collision_geoms"])
         )
-        for is_foot in (True, False):
-            mine = {_surface(model, i) for i in own if (model.geom_type[i] == 2) == is_foot}
-            other = {_gold_surface(g) for g in geoms if (g["type"] == "sphere") == is_foot}
+        yield from _differ(f"collision of {name}", _kinds(own), _kinds(their))
+        for who in ("feet", "others"):
+            mine, other = (
+                {_surface(g) for g in geoms if (g["type"] == "sphere") == (who == "feet")}
+                for geoms in (own, their)
+            )
             if mine and other and mine != other:
-                who = "feet" if is_foot else "others"
                 yield f"surface of {who}", "; ".join(sorted(mine)), "; ".join(sorted(other))
 
 
-def _kinds(kinds: list[str]) -> str:
-    return ", ".join(f"{count} {kind}" for kind, count in sorted(Counter(kinds).items()))
+def _solid(model: mujoco.MjModel) -> np.ndarray:
+    """Which geoms collide."""
+    return (model.geom_contype != 0) | (model.geom_conaffinity != 0)
 
 
-def _surface(model: mujoco.MjModel, i: int) -> str:
-    radius = f"radius {model.geom_size[i, 0]:g}, " if model.geom_type[i] == 2 else ""
-    return (
-        f"{radius}condim {model.geom_condim[i]}, friction {_shown(model.geom_friction[i])}, "
-        f"priority {model.geom_priority[i]}, solimp {_shown(model.geom_solimp[i][:3])}, "
-        f"margin {model.geom_margin[i]:g}"
-    )
+def _geom(model: mujoco.MjModel, i: int) -> dict:
+    """As the gold table has it."""
+    geom = model.geom(i)
+    kind = mujoco.mjtGeom(int(geom.type[0])).name.removeprefix("mjGEOM_").lower()
+    said = {"body": model.body(geom.bodyid[0]).name, "type": kind}
+    said |= {key: getattr(geom, key) for key in ("size", "friction", "solimp")}
+    return said | {key: getattr(geom, key)[0] for key in ("condim", "priority", "margin")}
 
 
-def _gold_surface(geom: dict) -> str:
+def _kinds(geoms: list[dict]) -> str:
+    counts = Counter(geom["type"] for geom in geoms)
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
+
+
+def _surface(geom: dict) -> str:
     radius = f"radius {geom['size'][0]:g}, " if geom["type"] == "sphere" else ""
     return (
         f"{radius}condim {geom['condim']}, friction {_shown(geom['friction'])}, "

@@ -14,9 +14,9 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import resource
 import shutil
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -26,6 +26,8 @@ from zlib import crc32
 
 import mujoco
 import numpy as np
+
+from tests.benchmarks import assetbuild
 
 RECIPES = Path(__file__).parents[2] / "recipes"
 JOINTS = {
@@ -90,10 +92,10 @@ def measured(name: str) -> Row:
         truth = Truth(place / "out" / "mjcf" / f"{name}.xml", name)
         entry = truth.entry()
         recipe.write_text(f"{text}\nidentify: {json.dumps([entry])}\n", encoding="utf-8")
-        run("identify", recipe, "--excite", "-o", place / "ex")
+        assetbuild("identify", recipe, "--excite", "-o", place / "ex")
         truth.record(place / "ex" / "excite.csv", place / "log.csv")
         begun = _cpu_s()
-        fit = json.loads(run("identify", recipe, "--json"))[0]
+        fit = json.loads(assetbuild("identify", recipe, "--json"))[0]
         row = truth.evaluate(fit)
         row.cpu_s = _cpu_s() - begun
         return row
@@ -105,17 +107,6 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def run(*words: object) -> str:
-    """`assetbuild ...`; its output."""
-    command = [sys.executable, "-m", "assetbuild", *map(str, words)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, env=dict(os.environ), check=False
-    )
-    if done.returncode:
-        raise SystemExit(done.stderr[-3000:])
-    return done.stdout
-
-
 def build(recipe: Path, out: Path) -> None:
     """The MJCF of the recipe, whatever its checks say."""
     text = recipe.read_text(encoding="utf-8")
@@ -125,15 +116,13 @@ def build(recipe: Path, out: Path) -> None:
     lock = recipe.with_name(f"{recipe.stem}.lock.yaml")
     if lock.is_file():
         only.with_name(f"{only.stem}.lock.yaml").write_bytes(lock.read_bytes())
-    run("build", only, "-o", out, "--fail-on", "never")
+    assetbuild("build", only, "-o", out, "--fail-on", "never")
 
 
 class Truth:
     """The robot on its stand with parameters that the recipe does not know."""
 
     def __init__(self, file: Path, name: str) -> None:
-        import re
-
         spec = mujoco.MjSpec.from_file(str(file))
         spec.compiler.discardvisual = True
         for joint in list(spec.joints):
@@ -145,15 +134,12 @@ class Truth:
         if name in PAYLOAD:
             add_point(m, *PAYLOAD[name], np.array([0.05, 0.0, 0.03]))
         self.name, self.random = name, np.random.default_rng(crc32(name.encode()))
-        self.drives = [
-            a
-            for a in range(m.nu)
-            if re.fullmatch(JOINTS[name], m.joint(m.actuator_trnid[a][0]).name)
-        ]
-        self.joints = [m.joint(int(m.actuator_trnid[a][0])) for a in self.drives]
-        self.names = [joint.name for joint in self.joints]
-        self.at = np.array([int(j.qposadr[0]) for j in self.joints])
-        self.dof = np.array([int(j.dofadr[0]) for j in self.joints])
+        moved = [m.joint(int(joint)) for joint in m.actuator_trnid[:, 0]]
+        self.drives = [a for a, j in enumerate(moved) if re.fullmatch(JOINTS[name], j.name)]
+        joints = [moved[a] for a in self.drives]
+        self.names = [joint.name for joint in joints]
+        self.at = np.array([int(joint.qposadr[0]) for joint in joints])
+        self.dof = np.array([int(joint.dofadr[0]) for joint in joints])
         self.effort = m.actuator_forcerange[self.drives, 1]
         kp = m.actuator_gainprm[self.drives, 0]
         self.kp = np.minimum(SOFTER * kp, self.effort / FULL_ERROR)
@@ -218,14 +204,9 @@ class Truth:
                 mujoco.mj_step(m, data)
         q += self.random.normal(0.0, NOISE, q.shape)
         q = np.round(q / TICKS) * TICKS
-        names = [
-            "time",
-            *(f"position_{n}" for n in self.names),
-            *(f"target_{n}" for n in self.names),
-        ]
-        np.savetxt(
-            out, np.column_stack([t, q, u]), "%.6f", ",", header=",".join(names), comments=""
-        )
+        columns = [f"{what}_{name}" for what in ("position", "target") for name in self.names]
+        head = ",".join(["time", *columns])
+        np.savetxt(out, np.column_stack([t, q, u]), "%.6f", ",", header=head, comments="")
 
     def evaluate(self, fit: dict[str, Any]) -> Row:
         """The counts."""

@@ -80,12 +80,12 @@ def _row(path: Path, folder: Path) -> tuple[str, str, str, str]:
         and f["rule"].startswith(CAUSES)
         and not f["rule"].endswith(LOOKS)
     ]
-    joints, drives = list(_joints(source, result)), list(_drives(source, result))
-    worst, steps, unsteady = _difference(source, result, joints, drives)
+    pair = Pair(source, result)
+    worst, steps, unsteady = _difference(pair)
     verdict = "equal" if worst <= CLOSE else f"reported: {causes[0]}" if causes else "SILENT"
     if steps < STEPS:
         verdict += f": {steps} steps in a row, then one by one, {unsteady} unsteady"
-    return str(len(joints)), str(len(drives)), f"{worst:.1e}", verdict
+    return str(len(pair.joints)), str(len(pair.drives)), f"{worst:.1e}", verdict
 
 
 def _run(*words: str) -> str:
@@ -140,119 +140,101 @@ def _moves(model: Model, drive: int) -> tuple[int, str]:
     return kind, model.joint(target).name if kind == 0 else str(target)
 
 
-def _difference(
-    source: Model,
-    result: Model,
-    joints: list[tuple[int, int]],
-    drives: list[tuple[int, int]],
-) -> tuple[float, int, int]:
+class Pair:
+    """Source and result with a state each. joints, drives: (number in the source, in the result).
+
+    rests: what the source counts positions of a joint from: `ref`, where it has one.
+    """
+
+    def __init__(self, source: Model, result: Model) -> None:
+        self.source, self.result = source, result
+        self.joints, self.drives = list(_joints(source, result)), list(_drives(source, result))
+        for model in (source, result):
+            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+            model.opt.iterations, model.opt.tolerance = 300, 1e-15
+            model.opt.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
+        self.one, self.other = mujoco.MjData(source), mujoco.MjData(result)
+        one_number = {a for a, _ in self.joints if int(source.jnt_type[a]) > 1}
+        starts = source.qpos0[source.jnt_qposadr]
+        self.rests = {a: float(starts[a]) if a in one_number else 0.0 for a, _ in self.joints}
+        self.shifts = {a: self._shift(a) for a, _ in self.drives}
+
+    def _shift(self, drive: int) -> float:
+        """What a command of a drive that holds positions counts from: the `ref` of its joint."""
+        source = self.source
+        if int(source.actuator_trntype[drive]) or not int(source.actuator_biastype[drive]):
+            return 0.0
+        holds = source.actuator_biasprm[drive, 1] != 0.0
+        rest = self.rests.get(int(source.actuator_trnid[drive, 0]), 0.0)
+        return rest * float(source.actuator_gear[drive, 0]) if holds else 0.0
+
+    def begin(self) -> None:
+        """Give the result the source's state: positions, speeds, activations."""
+        for own, their in (*self.positions(), *self.speeds()):
+            their[:] = own
+        for a, b in self.drives:
+            at, there = self.source.actuator_actadr[a], self.result.actuator_actadr[b]
+            width = max(int(self.source.actuator_actnum[a]), 0)
+            if width:
+                self.other.act[there : there + width] = self.one.act[at : at + width]
+
+    def positions(self) -> Iterator[tuple[Numbers, Numbers]]:
+        """Of each joint: the source's positions, counted from its rest, and the result's."""
+        for a, b in self.joints:
+            at, there = self.source.jnt_qposadr[a], self.result.jnt_qposadr[b]
+            width = WIDTHS[int(self.source.jnt_type[a])]
+            own = self.one.qpos[at : at + width] - self.rests[a]
+            yield own, self.other.qpos[there : there + width]
+
+    def speeds(self) -> Iterator[tuple[Numbers, Numbers]]:
+        """Of each joint: the source's speeds and the result's."""
+        for a, b in self.joints:
+            at, there = self.source.jnt_dofadr[a], self.result.jnt_dofadr[b]
+            width = SPEEDS[int(self.source.jnt_type[a])]
+            yield self.one.qvel[at : at + width], self.other.qvel[there : there + width]
+
+
+def _difference(pair: Pair) -> tuple[float, int, int]:
     """Largest relative difference, steps compared in a row, and unsteady ones of the others.
 
     Of positions over the largest position; of single steps, of speeds over the largest speed. inf
     where nothing can be compared.
     """
-    if not joints or (source.nu and len(drives) < source.nu):
+    source, one, other = pair.source, pair.one, pair.other
+    if not pair.joints or (source.nu and len(pair.drives) < source.nu):
         return np.inf, STEPS, 0
-    for model in (source, result):
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        model.opt.iterations, model.opt.tolerance = 300, 1e-15
-        model.opt.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
-    one, twin, other = mujoco.MjData(source), mujoco.MjData(source), mujoco.MjData(result)
-    rests = {a: _rest(source, a) for a, _ in joints}
-    shifts = {a: _shift(source, a, rests) for a, _ in drives}
+    twin = mujoco.MjData(source)
     random, noise = np.random.default_rng(1), np.random.default_rng(2)
     worst, jolt, size, row, unsteady = 0.0, 0.0, 1e-9, STEPS, 0
     for step in range(STEPS):
         if step == 0 or step > row:
-            _begin((source, one), (result, other), joints, drives, rests)
+            pair.begin()
             twin.qpos[:], twin.qvel[:], twin.act[:] = one.qpos, one.qvel, one.act
-        for a, b in drives:
+        for a, b in pair.drives:
             low, high = source.actuator_ctrlrange[a] if source.actuator_ctrllimited[a] else (-1, 1)
             one.ctrl[a] = twin.ctrl[a] = random.uniform(low, high)
-            other.ctrl[b] = one.ctrl[a] - shifts.get(a, 0.0)
+            other.ctrl[b] = one.ctrl[a] - pair.shifts[a]
         twin.qvel *= 1.0 + NUDGE * noise.standard_normal(source.nv)
-        for model, data in ((source, one), (source, twin), (result, other)):
+        for model, data in ((source, one), (source, twin), (pair.result, other)):
             mujoco.mj_step(model, data)
         if step > row:
-            own, their = _speeds((source, one), (result, other), joints)
             fast = max(float(np.abs(one.qvel).max()), 1e-9)
             steady = float(np.abs(one.qvel - twin.qvel).max()) <= CLOSE * fast
             unsteady += not steady
-            jolt = max(jolt, float(np.abs(own - their).max()) / fast) if steady else jolt
+            jolt = max(jolt, _farthest(pair.speeds()) / fast) if steady else jolt
             continue
-        pairs = list(_positions((source, one), (result, other), joints, rests))
-        size = max(size, *(float(np.abs(own).max()) for own, _ in pairs))
+        size = max(size, *(float(np.abs(own).max()) for own, _ in pair.positions()))
         if not np.allclose(one.qpos, twin.qpos, rtol=0.0, atol=CLOSE * size):
             row = step
         else:
-            worst = max(worst, *(float(np.abs(own - their).max()) for own, their in pairs))
+            worst = max(worst, _farthest(pair.positions()))
     compared = row or STEPS - 1 - unsteady
     worst = max(worst / size, jolt)
     return (worst if np.isfinite(worst) and compared else np.inf), row, unsteady
 
 
-def _rest(source: Model, joint: int) -> float:
-    """What the source counts positions of a joint from: `ref`, where it has one."""
-    one_number = int(source.jnt_type[joint]) > 1
-    return float(source.qpos0[source.jnt_qposadr[joint]]) if one_number else 0.0
-
-
-def _begin(
-    of: tuple[Model, Data],
-    to: tuple[Model, Data],
-    joints: list[tuple[int, int]],
-    drives: list[tuple[int, int]],
-    rests: dict[int, float],
-) -> None:
-    """Give the result the source's state: positions, speeds, activations."""
-    (source, one), (result, other) = of, to
-    for own, their in _positions(of, to, joints, rests):
-        their[:] = own
-    for a, b in joints:
-        at, there = source.jnt_dofadr[a], result.jnt_dofadr[b]
-        width = SPEEDS[int(source.jnt_type[a])]
-        other.qvel[there : there + width] = one.qvel[at : at + width]
-    for a, b in drives:
-        at, there = source.actuator_actadr[a], result.actuator_actadr[b]
-        width = max(int(source.actuator_actnum[a]), 0)
-        if width:
-            other.act[there : there + width] = one.act[at : at + width]
-
-
-def _positions(
-    of: tuple[Model, Data],
-    to: tuple[Model, Data],
-    joints: list[tuple[int, int]],
-    rests: dict[int, float],
-) -> Iterator[tuple[Numbers, Numbers]]:
-    """Of each joint: the source's positions, counted from its rest, and the result's."""
-    (source, one), (result, other) = of, to
-    for a, b in joints:
-        at, there = source.jnt_qposadr[a], result.jnt_qposadr[b]
-        width = WIDTHS[int(source.jnt_type[a])]
-        yield one.qpos[at : at + width] - rests[a], other.qpos[there : there + width]
-
-
-def _speeds(
-    of: tuple[Model, Data], to: tuple[Model, Data], joints: list[tuple[int, int]]
-) -> tuple[Numbers, Numbers]:
-    """All speeds of these joints, of the source and of the result, in the same order."""
-    (source, one), (result, other) = of, to
-    own, their = [], []
-    for a, b in joints:
-        width = range(SPEEDS[int(source.jnt_type[a])])
-        own += [one.qvel[source.jnt_dofadr[a] + i] for i in width]
-        their += [other.qvel[result.jnt_dofadr[b] + i] for i in width]
-    return np.array(own), np.array(their)
-
-
-def _shift(source: Model, drive: int, rests: dict[int, float]) -> float:
-    """What a command of a drive that holds positions counts from: the `ref` of its joint."""
-    if int(source.actuator_trntype[drive]) or not int(source.actuator_biastype[drive]):
-        return 0.0
-    holds = source.actuator_biasprm[drive, 1] != 0.0
-    rest = rests.get(int(source.actuator_trnid[drive, 0]), 0.0)
-    return rest * float(source.actuator_gear[drive, 0]) if holds else 0.0
+def _farthest(pairs: Iterator[tuple[Numbers, Numbers]]) -> float:
+    return max(float(np.abs(own - their).max()) for own, their in pairs)
 
 
 if __name__ == "__main__":

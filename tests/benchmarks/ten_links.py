@@ -118,19 +118,14 @@ def main(arguments: Sequence[str]) -> None:
                 made = method(mesh)
             except NativeError as failure:
                 print(
-                    f"| {name} | {label} | {failure} | | | | | | {cpu() - before:.1f} |",
-                    flush=True,
+                    f"| {name} | {label} | {failure} | | | | | | {cpu() - before:.1f} |", flush=True
                 )
                 continue
             spent = cpu() - before
-            pieces = [p for p in map(cap.verified, made) if p is not None]
-            q = measure(reference, pieces)
-            print(
-                f"| {name} | {label} | {q.iou:.3f} | {q.over:.3f} | {q.missing:.3f} "
-                f"| {1e3 * q.max_outside_m:.1f} | {1e3 * q.p99_m:.1f} "
-                f"| {q.pieces} | {spent:.1f} |",
-                flush=True,
-            )
+            q = measure(reference, [p for p in map(cap.verified, made) if p is not None])
+            figures = f"{q.iou:.3f} | {q.over:.3f} | {q.missing:.3f} | {1e3 * q.max_outside_m:.1f}"
+            figures += f" | {1e3 * q.p99_m:.1f} | {q.pieces} | {spent:.1f}"
+            print(f"| {name} | {label} | {figures} |", flush=True)
 
 
 if __name__ == "__main__":
