@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -32,12 +31,11 @@ def kill_after(place: Place, seconds: float) -> bool:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    time.sleep(seconds)
-    killed = child.poll() is None
-    if killed:
+    try:
+        child.wait(seconds)
+    except subprocess.TimeoutExpired:
         child.kill()
-    child.wait()
-    return killed
+    return child.wait() != 0
 
 
 def test_killed_eight_times_while_it_builds(legs: Place, built_legs: Place):

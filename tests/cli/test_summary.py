@@ -35,7 +35,6 @@ HEAVY = [
 REFUSED = Finding("mjcf.load", "error", "robot", "MuJoCo refuses r.xml", "read the lints")
 FOLLOWS = [Finding(f"{n}.load", "error", "robot", "nothing") for n in ("free_fall", "stand")]
 FELL = Finding("physx.free_fall", "error", "robot", "fell 0.125 m")
-MANY = [Finding(f"rule.number_{i}", "warning", "link a", "something is odd") for i in range(30)]
 
 
 def test_a_rule_is_told_once_with_the_names_of_all_it_speaks_of():
