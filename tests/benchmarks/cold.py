@@ -63,7 +63,7 @@ def build(recipes: list[Path], folder: Path, store: Path, *options: str) -> Buil
     if process.returncode != 0:
         raise SystemExit(f"the build ended with {process.returncode}")
     noted = tuple(tuple(json.loads(line)) for line in notes.read_text().splitlines())
-    cpu = sum(spent for kind, _, spent in noted if kind != "step")
+    cpu = sum(spent for _, _, spent in noted)
     cpu += sum(s["child_cpu_seconds"] for each in recipes for s in steps_of(each).values())
     return Built(wall, cpu, used.ru_maxrss / 1024, noted)
 

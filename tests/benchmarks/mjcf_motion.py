@@ -39,7 +39,7 @@ CAUSES = ("mjcf.dropped", "mjcf.scenery", "mjcf.uneven", "equal.", "actuator.gue
 """Starts of the rules that name a cause of another motion."""
 LOOKS = ("rgba", "material", "texture")
 """Ends of those that move nothing."""
-Model = Data = Any  # mujoco.MjModel and MjData, whose extension module has no types
+Model = Any  # mujoco.MjModel, whose extension module has no types
 Numbers = Any  # an array: positions in m or rad, speeds in m/s or rad/s
 
 
