@@ -35,7 +35,7 @@ def hear_ctrl_c() -> None:
 
 @dataclass
 class Place:
-    """A folder with a recipe and its robot, and a store. name: of the recipe, from the folder."""
+    """A folder with a recipe and its robot, and a store. name: the recipe's path in the folder."""
 
     folder: Path
     store: Path

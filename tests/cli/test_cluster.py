@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
+from engine.clusters_for_tests import CACHE_KEY, cluster
+from engine.servers_for_tests import serving
 
 from .conftest import Place, new_legs
 
 pytest.importorskip("distributed", reason="needs assetbuild[dask]")
-sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
-from clusters_for_tests import CACHE_KEY, cluster
-from servers_for_tests import serving
 
 
 @pytest.mark.slow

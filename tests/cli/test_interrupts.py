@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,18 +17,11 @@ from .conftest import hear_ctrl_c, new_go1
 
 def descendants(pid: int) -> set[int]:
     """Process ids of all children, and of theirs."""
-    parents: dict[int, int] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-    found, grown = {pid}, True
-    while grown:
-        more = {child for child, parent in parents.items() if parent in found} - found
-        grown = bool(more)
-        found |= more
-    return found - {pid}
+    found = set[int]()
+    for task in Path("/proc").glob(f"{pid}/task/*/children"):
+        with suppress(OSError):
+            found.update(map(int, task.read_text().split()))
+    return found.union(*map(descendants, found))
 
 
 def is_alive(pid: int) -> bool:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from engine.servers_for_tests import serving
 
 from .conftest import Place, new_legs
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
-from servers_for_tests import serving
 
 
 @pytest.fixture

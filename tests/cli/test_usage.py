@@ -55,13 +55,6 @@ def test_a_command_that_is_spelt_wrong(legs: Place, line: str, said: str, hint: 
     assert told[0].startswith(f"usage: assetbuild {verb}")
 
 
-@pytest.mark.parametrize("verb", ["check", "cache"])
-def test_the_help_of_verbs_that_check_tells_them_apart(legs: Place, verb: str):
-    told = " ".join(legs.run(verb, "--help").stdout.split())
-    assert "`check` reads recipes, `validate` proves built files" in told
-    assert "docs/reference/checking.md" in told
-
-
 def test_a_dry_run_says_by_its_exit_code_whether_something_would_run(warm_legs: Place):
     warm_legs.edit("kp: 20", "kp: 21")
     assert warm_legs.build("-n").returncode == 3
