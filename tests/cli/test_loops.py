@@ -75,15 +75,12 @@ def test_a_four_bar_closes_in_every_format_that_holds_loops(tmp_path: Path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "link: rocker,",
-            "link: rockr,",
-            "loops[0].b: no link `rockr`\nhint: did you mean `rocker`",
-        ),
+        ("link: rocker,", "link: rockr,", "b: no link `rockr`\nhint: did you mean `rocker`"),
+        ("rocker, xyz: [0.15", "base, xyz: [1", "loops: `pin` cannot close: the nearest that its"),
         ("[0.2, 0, 0]", "[.nan, 0, 0]", "loops[0].a.xyz[0]: must be finite"),
         ("pin,", "pin, solimp: [1, 0.99, 0.001, 0.5, 2],", "solimp[0]: must be at most 0.9999"),
     ],
-    ids=["no such link", "not a number", "impedance"],
+    ids=["no such link", "cannot close", "not a number", "impedance"],
 )
 def test_a_wrong_loop_is_one_error_with_its_line(
     old: str, new: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
