@@ -20,6 +20,10 @@ from assetbuild.robot.shapes import Box, SourceShape, SourceShapes, Sphere
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 
 
+def body(mass: float, xx: float, yy: float, zz: float, xy: float = 0.0) -> Inertial:
+    return Inertial(mass, (0.0, 0.0, 0.0), (xx, yy, zz, xy, 0.0, 0.0))
+
+
 def lint(
     tree: Tree, tmp_path: Path, shapes: SourceShapes | None = None, guessed: tuple[str, ...] = ()
 ) -> list[Finding]:
@@ -31,9 +35,9 @@ def lint(
 def arm(
     limits: Limits = Limits(-1.0, 1.0, 1.0, 1.0),  # noqa: B008 # frozen
     inertial: Inertial | None = BRICK,
-    kind: str = "revolute",
+    kind: JointKind = "revolute",
 ) -> Tree:
-    joint = Joint("j", kind, "base", "arm", limits=limits)  # type: ignore[arg-type] # a literal
+    joint = Joint("j", kind, "base", "arm", limits=limits)
     return Tree("arm", "fixed", (Body("base"), Body("arm", inertial)), (joint,))
 
 
@@ -42,6 +46,7 @@ def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
     inputs = write_source_ports(tmp_path / "in", robot)
     told = run_step(LintLinks(), inputs, tmp_path / "out")
     assert [f for f in told if f.severity != "info"] == []
+    assert run_step(LintBodies(), inputs, tmp_path / "out") == []
 
 
 @pytest.mark.parametrize(
@@ -64,9 +69,7 @@ def test_joint_limits_that_cannot_be_meant(
     assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "joint j")
 
 
-@pytest.mark.parametrize(
-    ("travel", "said"), [(300.0, True), (10.5, True), (10.0, False), (0.3, False)]
-)
+@pytest.mark.parametrize(("travel", "said"), [(10.5, True), (10.0, False)])
 def test_a_slide_of_more_than_ten_metres_is_reported(travel: float, said: bool, tmp_path: Path):
     found = lint(arm(Limits(0.0, travel, 1.0, 1.0), kind="prismatic"), tmp_path)
     assert [(f.rule, f.severity) for f in found] == [("joint.range", "warning")] * said
@@ -92,53 +95,44 @@ def coupled(multiplier: float, offset: float = 0.0) -> Tree:
         (1.0, 0.3, (0.3, 0.8), False),  # to 0.2
         (1.0, 0.7, (0.7, 1.2), True),
         (2.0, -0.2, (-0.2, 0.8), False),  # from 0.1 to 0.35
+        (1.0, 0.0, None, False),
+        (-1.0, 0.5, None, False),
+        (0.4, 0.1, None, False),
     ],
 )
 def test_a_finger_that_is_led_over_its_limits(
-    multiplier: float, offset: float, led: tuple[float, float], apart: bool, tmp_path: Path
+    multiplier: float, offset: float, led: tuple[float, float] | None, apart: bool, tmp_path: Path
 ):
     """It is not ready where no position of the leader suits both."""
-    (finding,) = lint(coupled(multiplier, offset), tmp_path)
-    assert (finding.rule, finding.severity) == ("joint.mimic_limits", "warning")
-    assert finding.subject == "joint follow"
-    assert (finding.data["led_lower"], finding.data["led_upper"]) == pytest.approx(led)
-    assert finding.unready == apart
+    found = lint(coupled(multiplier, offset), tmp_path)
+    assert [(f.rule, f.severity, f.subject, f.unready) for f in found] == [
+        ("joint.mimic_limits", "warning", "joint follow", apart)
+    ] * (led is not None)
+    for finding in found:
+        assert (finding.data["led_lower"], finding.data["led_upper"]) == pytest.approx(led)
 
 
-@pytest.mark.parametrize(("multiplier", "offset"), [(1.0, 0.0), (-1.0, 0.5), (0.4, 0.1)])
-def test_a_finger_that_is_led_within_its_limits(multiplier: float, offset: float, tmp_path: Path):
-    assert lint(coupled(multiplier, offset), tmp_path) == []
-
-
-def test_a_link_seen_but_not_felt(tmp_path: Path):
-    visual = SourceShape("arm_visual", "arm", "visual", Box((0.1, 0.1, 0.1)))
-    (finding,) = lint(arm(), tmp_path, SourceShapes((visual,)))
-    assert (finding.rule, finding.severity) == ("link.no_collision", "info")
-    solid = SourceShape("arm_collision", "arm", "collision", Box((0.1, 0.1, 0.1)))
-    assert lint(arm(), tmp_path / "b", SourceShapes((visual, solid))) == []
-
-
-def test_mass_properties_are_no_errors_before_merging(tmp_path: Path):
-    for number, inertial in enumerate((None, Inertial(0.0, (0.0,) * 3, (0.0,) * 6))):
-        (finding,) = lint(arm(inertial=inertial), tmp_path / str(number))
-        assert finding.severity == "warning"
-
-
-def test_a_link_on_a_fixed_joint_may_be_a_frame_without_mass(tmp_path: Path):
-    nothing = Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
-    assert lint(arm(inertial=nothing, kind="fixed"), tmp_path) == []
-    assert lint(arm(inertial=None, kind="fixed"), tmp_path / "b") == []
+NOTHING = Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
 
 
 @pytest.mark.parametrize(
-    ("kind", "moment", "severity"),
-    [("fixed", 0.0, "info"), ("fixed", -1e-3, "warning"), ("revolute", 0.0, "warning")],
+    ("inertial", "kind", "said"),
+    [
+        (None, "revolute", [("inertia.missing", "warning")]),
+        (NOTHING, "revolute", [("inertia.mass", "warning")]),
+        (None, "fixed", []),
+        (NOTHING, "fixed", []),
+        (body(0.02, 0.0, 0.0, 0.0), "fixed", [("inertia.positive", "info")]),
+        (body(0.02, -1e-3, -1e-3, -1e-3), "fixed", [("inertia.positive", "warning")]),
+        (body(0.02, 0.0, 0.0, 0.0), "revolute", [("inertia.positive", "warning")]),
+    ],
 )
-def test_a_point_mass_on_a_fixed_joint_is_exact(
-    kind: str, moment: float, severity: str, tmp_path: Path
+def test_what_a_link_lacks_is_no_error_before_merging(
+    inertial: Inertial | None, kind: JointKind, said: list[tuple[str, str]], tmp_path: Path
 ):
-    (finding,) = lint(arm(inertial=body(0.02, moment, moment, moment), kind=kind), tmp_path)
-    assert (finding.rule, finding.severity) == ("inertia.positive", severity)
+    """On a fixed joint it may be a frame without mass, or a point mass, which is exact."""
+    found = lint(arm(inertial=inertial, kind=kind), tmp_path)
+    assert [(f.rule, f.severity) for f in found] == said
 
 
 @pytest.mark.parametrize(
@@ -170,14 +164,12 @@ def test_links_without_collision_are_one_finding(
     shapes = [SourceShape(f"{n}_seen", n, "visual", box) for n in names]
     shapes += [SourceShape(f"{n}_felt", n, "collision", box) for n in names[bare:]]
     found = lint(tree, tmp_path, SourceShapes(tuple(shapes)))
-    assert [f.severity for f in found] == ([severity] if severity else [])
+    assert [(f.rule, f.severity) for f in found] == (
+        [("link.no_collision", severity)] if severity else []
+    )
     for finding in found:
         assert finding.message.startswith(f"{bare} of {seen} links")
         assert finding.data["links"] == tuple(names[:bare])
-
-
-def body(mass: float, xx: float, yy: float, zz: float, xy: float = 0.0) -> Inertial:
-    return Inertial(mass, (0.0, 0.0, 0.0), (xx, yy, zz, xy, 0.0, 0.0))
 
 
 def lint_bodies(
@@ -204,12 +196,6 @@ def test_crossed_limits_are_an_error_in_what_is_simulated(
     joint = Joint("j", "revolute", "base", "arm", limits=Limits(-1.0, upper, 1.0, 1.0))
     findings = lint_bodies(tmp_path, joint)
     assert [(f.rule, f.severity) for f in findings] == [(rule, "error") for rule in rules]
-
-
-@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
-def test_good_robots_have_no_findings(robot: TinyRobot, tmp_path: Path):
-    inputs = write_source_ports(tmp_path / "in", robot)
-    assert run_step(LintBodies(), inputs, tmp_path / "out") == []
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from robot_files import run_step, write_robot_ports
-from tiny import TinyRobot, ball_inertial, box_inertial, tiny_quadruped
+from tiny import ball_inertial, box_inertial, tiny_quadruped
 from urdfs import read
 
 from assetbuild.body.measure_bodies import center_of_mass, ellipsoid, principal
@@ -26,58 +26,43 @@ def merge(folder: Path, step: MergeFixedJoints) -> tuple[Tree, list[Finding]]:
     return decode(Tree, (folder / "tree.json").read_bytes()), findings
 
 
-@pytest.fixture
-def quadruped(tmp_path: Path) -> Path:
-    robot: TinyRobot = tiny_quadruped()
-    return write_robot_ports(tmp_path / "all", robot)
+@pytest.mark.parametrize(
+    ("step", "bodies", "merged"),
+    [
+        (MergeFixedJoints(), 13, {"imu", "FR_foot", "FL_foot", "RR_foot", "RL_foot"}),
+        (MergeFixedJoints(keep_bodies=(".*_foot",)), 17, {"imu"}),
+        (MergeFixedJoints(merge=False), 18, None),
+    ],
+    ids=["all", "feet are kept by pattern", "nothing on request"],
+)
+def test_one_finding_names_all_that_was_merged(
+    step: MergeFixedJoints, bodies: int, merged: set[str] | None, tmp_path: Path
+):
+    tree, findings = merge(write_robot_ports(tmp_path, tiny_quadruped()), step)
+    assert len(tree.bodies) == bodies
+    assert [(f.rule, f.severity, f.data["bodies"], set(f.data["links"])) for f in findings] == [
+        ("merge.fixed_joints", "info", bodies, merged)
+    ] * (merged is not None)
 
 
-def test_one_finding_names_all_that_was_merged(quadruped: Path):
-    tree, (finding,) = merge(quadruped, MergeFixedJoints())
-    assert len(tree.bodies) == 13
-    assert (finding.rule, finding.severity) == ("merge.fixed_joints", "info")
-    assert finding.data["bodies"] == 13
-    assert set(finding.data["links"]) == {"imu", "FR_foot", "FL_foot", "RR_foot", "RL_foot"}  # type: ignore[arg-type] # a tuple of names
-
-
-def test_feet_are_kept_by_pattern(quadruped: Path):
-    tree, _ = merge(quadruped, MergeFixedJoints(keep_bodies=(".*_foot",)))
-    assert len(tree.bodies) == 17
-    assert tree.joint_above["FR_foot"].kind == "fixed"
-
-
-def test_nothing_is_merged_on_request(quadruped: Path):
-    tree, findings = merge(quadruped, MergeFixedJoints(merge=False))
-    assert (len(tree.bodies), findings) == (18, [])
-
-
-def test_a_placeholder_root_is_told(robots: Path, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("keep_root", "root", "rules"),
+    [
+        (False, "trunk", ["merge.placeholder_root", "merge.fixed_joints"]),
+        (True, "base", ["merge.fixed_joints"]),
+    ],
+    ids=["of a URDF", "of an MJCF, whose keyframes say where its own frame stands"],
+)
+def test_a_placeholder_root_is_told(
+    keep_root: bool, root: str, rules: list[str], robots: Path, tmp_path: Path
+):
     read((robots / "placeholder_root.urdf").read_text(), tmp_path, base="floating")
-    tree, findings = merge(tmp_path, MergeFixedJoints())
-    assert [b.name for b in tree.bodies] == ["trunk", "arm"]
-    assert (findings[0].rule, findings[0].subject) == ("merge.placeholder_root", "link base")
-    assert findings[0].data == {"body": "trunk", "mass_kg": 1e-6}
-
-
-def test_the_root_of_an_mjcf_stays_the_root_whatever_it_weighs(robots: Path, tmp_path: Path):
-    """Its keyframes say where its own frame stands."""
-    read((robots / "placeholder_root.urdf").read_text(), tmp_path, base="floating")
-    tree, findings = merge(tmp_path, MergeFixedJoints(keep_root=True))
-    assert [b.name for b in tree.bodies] == ["base", "arm"]
-    assert [f.rule for f in findings] == ["merge.fixed_joints"]
-
-
-def test_go1_becomes_thirteen_bodies_with_pinocchios_mass(go1_root: Path, tmp_path: Path):
-    pinocchio = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
-    text = (go1_root / "robots/go1_description/urdf/go1.urdf").read_text()
-    links = read(text, tmp_path, base="floating", packages={"example-robot-data": "."}).tree
-    tree, findings = merge(tmp_path, MergeFixedJoints())
-    model = pinocchio.buildModelFromXML(text, pinocchio.JointModelFreeFlyer())
-    assert total_mass(tree) == pytest.approx(pinocchio.computeTotalMass(model), rel=1e-12)
-    assert (len(tree.bodies), len(tree.moving_joints)) == (13, 12)
-    assert len(tree.frames) == len(links.bodies) - 13
-    assert (tree.root, tree.placement("base")[0]) == ("trunk", "trunk")
-    assert [f.rule for f in findings] == ["merge.placeholder_root", "merge.fixed_joints"]
+    tree, findings = merge(tmp_path, MergeFixedJoints(keep_root=keep_root))
+    assert [b.name for b in tree.bodies] == [root, "arm"]
+    assert [f.rule for f in findings] == rules
+    if not keep_root:
+        assert findings[0].subject == "link base"
+        assert findings[0].data == {"body": "trunk", "mass_kg": 1e-6}
 
 
 def test_the_centre_of_mass_is_the_mean_weighed_by_mass():

@@ -49,9 +49,15 @@ def refused(made: ControlStep) -> RowError:
     return found.value
 
 
-def test_joints_without_a_value_are_moved_until_the_loop_closes(tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", four_bar())
-    (inputs / "control.json").unlink()
+@pytest.fixture
+def inputs(tmp_path: Path) -> Path:
+    """The ports of the linkage, before its drives are known."""
+    ports = write_robot_ports(tmp_path / "in", four_bar())
+    (ports / "control.json").unlink()
+    return ports
+
+
+def test_joints_without_a_value_are_moved_until_the_loop_closes(inputs: Path, tmp_path: Path):
     findings = run_step(step(loop()), inputs, tmp_path)
     control = decode_file(Control, tmp_path / "control.json")
     (home,) = control.keyframes
@@ -61,9 +67,7 @@ def test_joints_without_a_value_are_moved_until_the_loop_closes(tmp_path: Path):
     assert "loop.home" in rules and "actuator.tuned" not in rules
 
 
-def test_the_way_in_which_a_loop_closes_is_said_by_rounded_values(tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", four_bar())
-    (inputs / "control.json").unlink()
+def test_the_way_in_which_a_loop_closes_is_said_by_rounded_values(inputs: Path, tmp_path: Path):
     run_step(step(loop()), inputs, tmp_path)
     (home,) = decode_file(Control, tmp_path / "control.json").keyframes
     rough = {name: round(q, 2) for name, q in home.joints} | {"crank_joint": 0.3}
@@ -77,9 +81,9 @@ def test_the_way_in_which_a_loop_closes_is_said_by_rounded_values(tmp_path: Path
     assert "stays open" in refused(step(loop(), home=rough)).message
 
 
-def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", four_bar())
-    (inputs / "control.json").unlink()
+def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(
+    inputs: Path, tmp_path: Path
+):
     drive = {"joints": "crank_joint", "model": "pd", "frequency": 2.0, "damping_ratio": 1.0}
     rows = ({**drive, "inertia": "home"}, ROWS[1])
     findings = run_step(step(loop(), rows=rows), inputs, tmp_path)
@@ -115,43 +119,31 @@ def test_a_keyframe_of_the_source_that_leaves_a_loop_open_is_reported(
     assert [f.data["open"] for f in found] == pytest.approx([ground - 0.15] * len(found))
 
 
-def test_a_loop_over_a_link_that_does_not_exist_is_refused():
-    error = refused(step(loop(b={"link": "rockr"})))
-    assert error.key == ("loops", 0, "b", "link")
-    assert "no link `rockr`" in error.message and "`rocker`" in error.hint
+HELD = loop(b={"link": "base", "xyz": (0.25, 0.0, 0.0)})
+"""Crank and coupler alone, pinned to the base: nothing is left to move."""
+REFUSED = {
+    "over a link that does not exist": (
+        step(loop(b={"link": "rockr"})), ("loops", 0, "b", "link"), "no link `rockr`", "`rocker`"),
+    "out of reach": (
+        step(loop(b={"link": "base", "xyz": (1.0, 0.0, 0.0)})), ("loops", 0), "0.70", ""),
+    "two that contradict each other": (
+        step(loop(), loop("bolt", b={"link": "rocker", "xyz": (0.14, 0.0, 0.0)})),
+        ("keyframes", "home"), "stays open", "contradict"),
+    "held open by a keyframe": (
+        step(loop(), home={".*": 0.0}), ("keyframes", "home"), "stays open by", ""),
+    "locks a driven joint": (
+        step(HELD, home={}), ("loops", 0), "locks joint `crank_joint`", ""),
+    "between links that nothing moves apart": (
+        step(loop(a={"link": "base"}, b={"link": "base", "xyz": (0.1, 0.0, 0.0)})),
+        ("loops", 0), "holds nothing", ""),
+    "a second of the same name": (
+        step(loop(), loop()), ("loops", 1, "name"), "a second loop", ""),
+}  # fmt: skip
 
 
-def test_a_loop_that_cannot_close_is_refused_with_the_gap():
-    error = refused(step(loop(b={"link": "base", "xyz": (1.0, 0.0, 0.0)})))
-    assert error.key == ("loops", 0)
-    assert "cannot close" in error.message and "0.70" in error.message
-
-
-def test_two_loops_that_contradict_each_other_are_refused():
-    other = loop("bolt", b={"link": "rocker", "xyz": (0.14, 0.0, 0.0)})
-    error = refused(step(loop(), other))
-    assert "stays open" in error.message and "contradict" in error.hint
-
-
-def test_a_keyframe_that_holds_the_loop_open_is_refused():
-    error = refused(step(loop(), home={".*": 0.0}))
-    assert error.key == ("keyframes", "home")
-    assert "stays open by" in error.message
-
-
-def test_a_driven_joint_that_a_loop_locks_is_refused():
-    rows = (*ROWS[:1], {"joints": "coupler_joint|rocker_joint", "model": "passive"})
-    held = loop(b={"link": "base", "xyz": (0.25, 0.0, 0.0)})
-    # Crank and coupler alone, pinned to the base: nothing is left to move.
-    error = refused(step(held, rows=rows, home={}))
-    assert "locks joint `crank_joint`" in error.message
-    assert error.key == ("loops", 0)
-
-
-def test_two_links_that_nothing_moves_apart_close_no_loop():
-    error = refused(step(loop(a={"link": "base"}, b={"link": "base", "xyz": (0.1, 0.0, 0.0)})))
-    assert "holds nothing" in error.message
-
-
-def test_a_second_loop_of_the_same_name_is_refused():
-    assert "a second loop" in refused(step(loop(), loop())).message
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_wrong_loop_is_refused_with_its_key(case: str):
+    made, key, message, hint = REFUSED[case]
+    error = refused(made)
+    assert error.key == key
+    assert message in error.message and hint in error.hint
