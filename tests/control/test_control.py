@@ -1,40 +1,23 @@
-"""The recipe's tables on a robot: gains, poses on the ground, excludes.
-
-Heights are compared with MuJoCo's kinematics and with points sampled on each surface.
-"""
+"""The recipe's tables on a robot: gains, poses on the ground, excludes."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from robot_files import run_step
-from urdfs import read
 
-from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
-from assetbuild.mesh.primitives import half_height
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Body, Control, Frame, Joint, Limits, Mimic, Tree
-from assetbuild.robot.pose import Pose, normalised_quat, quat_of_rpy
-from assetbuild.robot.shapes import (
-    Box,
-    Capsule,
-    Cylinder,
-    Mesh,
-    MeshAsset,
-    Shape,
-    Shapes,
-    Sphere,
-)
+from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Mesh, MeshAsset, Shape, Shapes, Sphere
 
 LEGS = {"FL": (1, 1), "FR": (1, -1), "RL": (-1, 1), "RR": (-1, -1)}
 
@@ -105,40 +88,6 @@ def test_soles_touch_the_ground_by_the_formula_of_a_two_link_leg(run):
     assert findings == {}
 
 
-def surface(geometry, rng, n=200_000):
-    """Random points on a primitive, by construction; of a box its corners."""
-    if isinstance(geometry, Box):
-        corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
-        return corners * np.asarray(geometry.size)
-    direction = rng.normal(size=(n, 3))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    if isinstance(geometry, Sphere):
-        return direction * geometry.radius
-    end = rng.choice([-0.5, 0.5], (n, 1)) * geometry.length * np.array([[0, 0, 1.0]])
-    if isinstance(geometry, Capsule):
-        return direction * geometry.radius + end
-    angle = rng.uniform(0, 2 * np.pi, n)
-    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1) * geometry.radius
-    return rim + end
-
-
-@pytest.mark.parametrize(
-    "geometry",
-    [Box((0.3, 0.1, 0.2)), Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.1, 0.05)],
-    ids=lambda g: type(g).__name__,
-)
-def test_how_far_a_primitive_reaches_down_agrees_with_points_on_its_surface(geometry):
-    rng = np.random.default_rng(2)
-    points = surface(geometry, rng)
-    for _ in range(5):
-        quat = normalised_quat(tuple(rng.normal(size=4)))
-        pose = Pose((0.0, 0.0, 0.0), quat)
-        reach = half_height(geometry, pose.rotation[2])
-        sampled = -pose.apply(points)[:, 2].min()
-        assert reach >= sampled - 1e-12
-        assert reach == pytest.approx(sampled, rel=5e-3)
-
-
 def test_a_mesh_touches_with_its_lowest_vertex(run):
     # A tetrahedron, turned by 90 deg about y: its x becomes -z. The last vertex has no face.
     text = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nv 9 9 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -155,8 +104,10 @@ def test_without_collision_geometry_there_is_no_ground_and_it_is_said(run):
     assert control.keyframes[0].base == Pose()
 
 
-def test_a_fixed_base_stays_and_a_given_height_is_reported(run):
-    said = recipe(keyframes={"a": {}, "b": {"base": (0, 0, 1.0)}})
+def test_a_given_base_is_taken_as_it_is_and_a_fixed_one_stays_and_says_so(run):
+    said = recipe(keyframes={"a": {}, "b": {"base": (0.1, 0.2, 1.0)}})
+    control, _ = run(quadruped(), feet(), said)
+    assert control.keyframes[1].base == Pose((0.1, 0.2, 1.0))
     control, findings = run(quadruped("fixed"), feet(), said)
     assert [k.base for k in control.keyframes] == [None, None]
     assert findings["keyframe.fixed_base"].data == {"keyframe": "b"}
@@ -173,14 +124,6 @@ def test_joints_stand_in_tree_order_and_unnamed_ones_are_zero(run):
     assert values["FR_thigh_joint"] == 0.0
 
 
-def test_values_outside_the_limits_are_errors_with_numbers(run):
-    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -3.2}}})
-    _, findings = run(quadruped(), feet(), said)
-    finding = findings["keyframe.limits"]
-    assert (finding.severity, finding.subject) == ("error", "joint FL_calf_joint")
-    assert finding.data == {"keyframe": "home", "value": -3.2, "lower": -3.0, "upper": 3.0}
-
-
 def with_calf_limits(lower: float | None, upper: float | None) -> Tree:
     tree = quadruped()
     limits = Limits(lower, upper, 9.0)
@@ -188,18 +131,35 @@ def with_calf_limits(lower: float | None, upper: float | None) -> Tree:
     return replace(tree, joints=tuple(joints))
 
 
-def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
-    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -90}}})
-    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
-    assert findings["keyframe.limits"].hint.endswith("-90 degrees are -1.571")
-    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), recipe(keyframes={"home": {}}))
-    assert "no pattern of the keyframe matches it, so it is 0" in findings["keyframe.limits"].hint
-    _, findings = run(with_calf_limits(None, None), feet(), said)
-    finding = findings["keyframe.turns"]
-    assert (finding.severity, finding.subject) == ("warning", "joint FL_calf_joint")
-    assert "14.3 turns" in finding.message and "-1.571" in finding.hint
-    once = recipe(keyframes={"home": {"joints": {"FL_calf_joint": 6.28}}})
-    assert "keyframe.turns" not in run(with_calf_limits(None, None), feet(), once)[1]
+BENT, FREE = (-2.8, -0.8), (None, None)
+
+
+@pytest.mark.parametrize(
+    ("limits", "joints", "rule", "severity", "words"),
+    [
+        (BENT, {"FL_calf_joint": -3.2}, "keyframe.limits", "error", "-3.2 rad is outside"),
+        (BENT, {"FL_calf_joint": -90}, "keyframe.limits", "error", "-90 degrees are -1.571"),
+        (BENT, {}, "keyframe.limits", "error",
+         "no pattern of the keyframe matches it, so it is 0"),
+        (FREE, {"FL_calf_joint": -90}, "keyframe.turns", "warning", "14.3 turns"),
+        (FREE, {"FL_calf_joint": -90}, "keyframe.turns", "warning", "-1.571"),
+        (FREE, {"FL_calf_joint": 6.28}, None, None, None),
+    ],
+)  # fmt: skip
+def test_angles_that_a_joint_does_not_reach_or_that_are_degrees_are_told(
+    run, limits, joints, rule, severity, words
+):
+    said = recipe(keyframes={"home": {"joints": joints}})
+    _, findings = run(with_calf_limits(*limits), feet(), said)
+    assert list(findings) == ([rule] if rule else [])
+    for finding in findings.values():
+        assert (finding.severity, finding.subject) == (severity, "joint FL_calf_joint")
+        assert words in f"{finding.message}: {finding.hint}"
+        if rule == "keyframe.limits":
+            value = joints.get("FL_calf_joint", 0.0)
+            assert finding.data == {
+                "keyframe": "home", "value": value, "lower": -2.8, "upper": -0.8,
+            }  # fmt: skip
 
 
 def gripper() -> Tree:
@@ -362,32 +322,3 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
         ("recipe actuators.0", "effort 30 in place of the source's 20 (4 joints)"),
         ("recipe actuators.1", "velocity unlimited in place of the source's 30 (4 joints)"),
     }
-
-
-def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_root, tmp_path):
-    pin = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
-    urdf = go1_root / "robots/go1_description/urdf/go1.urdf"
-    ports, packages = tmp_path / "ports", {"example-robot-data": "."}
-    shapes = read(urdf.read_text(), ports, base="floating", packages=packages).shapes
-    run_step(MergeFixedJoints(merge=True), ports, ports)
-    tree = decode(Tree, (ports / "tree.json").read_bytes())
-    feet = (s for s in shapes.of("collision") if s.link.endswith("_foot"))
-    soles = tuple(Shape(**vars(foot)) for foot in feet)
-
-    said = recipe(keyframes={"home": {"joints": HOME}})
-    control, findings = run(tree, Shapes(soles), said)
-    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-    data, q = model.createData(), pin.neutral(model)
-    for name, value in control.keyframes[0].joints:
-        q[model.joints[model.getJointId(name)].idx_q] = value
-    pin.framesForwardKinematics(model, data, q)
-    heights = [data.oMf[model.getFrameId(s.link)].translation[2] for s in soles]
-    assert len(soles) == 4
-    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.02 - min(heights), abs=1e-12)
-    assert findings == {}
-
-
-def test_a_given_base_is_taken_as_it_is(run):
-    said = recipe(keyframes={"home": {"base": (0.1, 0.2, 0.3)}})
-    control, _ = run(quadruped(), feet(), said)
-    assert control.keyframes[0].base == Pose((0.1, 0.2, 0.3))

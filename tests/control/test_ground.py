@@ -57,7 +57,7 @@ def bolted(
     )
 
 
-ROD, SLAB = Capsule(0.02, 0.4), Box((0.4, 0.1, 0.02))
+ROD, SLAB, DISC = Capsule(0.02, 0.4), Box((0.4, 0.1, 0.02)), Cylinder(0.1, 0.1)
 ON_A_WALL = Pose((0.0, 0.0, 0.1), quat_of_rpy(0.0, math.pi / 2, 0.0))
 """The link's x = 0.3 m points down."""
 
@@ -68,15 +68,16 @@ ON_A_WALL = Pose((0.0, 0.0, 0.1), quat_of_rpy(0.0, math.pi / 2, 0.0))
         (bolted(AROUND_ZERO, BALL, 0.0), 0.05, "info"),
         (bolted(ON_ZERO, BALL, 0.01), 0.04, "warning"),
         (bolted(SUNK, BALL, 0.01), 0.04, "info"),
-        (bolted(ON_ZERO, ROD, 0.1), 0.2 + 0.02 - 0.1, "warning"),
+        (bolted(ON_ZERO, ROD, 0.1, 0.4), 0.2 * math.cos(0.4) + 0.02 - 0.1, "warning"),
         (bolted(ON_ZERO, SLAB, 0.1, 1.0), 0.2 * math.sin(1) + 0.01 * math.cos(1) - 0.1, "warning"),
         (bolted(ON_ZERO, BALL, 0.1, mount=ON_A_WALL), 0.3 + 0.05 - 0.1, "info"),
         (bolted(ON_ZERO, BALL, 0.046), None, None),  # 4 mm
         (bolted(ON_ZERO, ROD, 0.1, 1.5), None, None),  # lies down
         (bolted(SUNK, BALL, 0.1), None, None),  # only the base is in the floor
-        (bolted(ON_ZERO, Cylinder(0.1, 0.1), -0.5), 0.55, "warning"),
+        (bolted(ON_ZERO, DISC, 0.05, 0.7), 0.1 * math.sin(0.7) + 0.05 * math.cos(0.7) - 0.05,
+         "warning"),
     ],
-)
+)  # fmt: skip
 def test_a_fixed_robot_hangs_over_the_floor_of_its_scene(
     robot: TinyRobot, below: float | None, severity: str | None, tmp_path: Path
 ):
@@ -99,22 +100,14 @@ def test_a_fixed_robot_hangs_over_the_floor_of_its_scene(
     assert all(-contact.dist <= 0.005 for contact in data.contact[: data.ncon])
 
 
-def test_a_floating_robot_is_put_on_its_floor(tmp_path: Path):
+def test_a_floating_robot_and_a_plane_of_the_source_stay_where_they_are(tmp_path: Path):
+    """The floor of a floating robot is 0; the check `trials` judges a plane."""
     robot = bolted(AROUND_ZERO, BALL, 0.0)
-    tree = replace(robot.tree, base="floating")
-    assert with_reach(tree, robot.control, Ground(tree, robot.shapes, tmp_path)) == (
-        robot.control,
-        [],
-    )
-
-
-def test_a_plane_of_the_source_stays_where_it_is(tmp_path: Path):
-    """The check `trials` judges it."""
-    robot = bolted(AROUND_ZERO, BALL, 0.0)
+    floating = replace(robot.tree, base="floating")
     plane = MjcfOnly("body", '<geom name="ground" type="plane" size="1 1 1"/>')
-    control = replace(robot.control, mjcf_only=(plane,))
-    found = with_reach(robot.tree, control, Ground(robot.tree, robot.shapes, tmp_path))
-    assert found == (control, [])
+    with_plane = replace(robot.control, mjcf_only=(plane,))
+    for tree, control in ((floating, robot.control), (robot.tree, with_plane)):
+        assert with_reach(tree, control, Ground(tree, robot.shapes, tmp_path)) == (control, [])
 
 
 HALF_TURN = Limits(-math.pi, math.pi)
@@ -144,15 +137,11 @@ def robot() -> TinyRobot:
     return TinyRobot(tree, tree, Shapes(shapes))
 
 
-def pairs(tmp_path, samples: int, run: str = "out"):
-    folder = write_robot_ports(tmp_path / "in", robot())
-    (finding,) = run_step(SamplePairs(samples=samples), folder, tmp_path / run)
-    found = json.loads((tmp_path / run / "sampled_pairs.json").read_text())
-    return found["always"], found["never"], finding
-
-
 def test_what_always_and_what_never_touches_is_found(tmp_path):
-    always, never, finding = pairs(tmp_path, 200)
+    folder = write_robot_ports(tmp_path / "in", robot())
+    (finding,) = run_step(SamplePairs(samples=200), folder, tmp_path / "out")
+    found = json.loads((tmp_path / "out/sampled_pairs.json").read_text())
+    always, never = found["always"], found["never"]
     assert ["ball", "base"] in always
     assert ["ball", "pin"] in always  # the pin is less than 2 m from any point of the circle
     assert ["arm", "far"] in never
@@ -184,23 +173,23 @@ def test_a_surface_changes_only_what_it_says():
     assert (found["FL_f"].condim, found["FL_f"].friction) == (6, (0.5, 0.0, 0.0))
 
 
-BAD = {
-    "imu.link: no link `trnk`": {"imu": {"link": "trnk"}},
-    "feet.links: pattern `toe` matches no link": {"feet": {"links": "toe"}},
-    "sensors.a: no moving joint `knee`": {"sensors": {"a": {"kind": "jointpos", "joint": "knee"}}},
-    "sensors.a.relative_to: no link `x`": {
-        "sensors": {"a": {"kind": "framepos", "link": "trunk", "relative_to": "x"}}
-    },
-    "sensors: the name `imu_quat` is taken": {
-        "imu": {"link": "trunk"}, "sensors": {"imu_quat": {"kind": "framequat", "link": "trunk"}},
-    },
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("message", BAD)
-def test_a_link_or_joint_that_is_not_there(message: str):
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"imu": {"link": "trnk"}}, "imu.link: no link `trnk`"),
+        ({"feet": {"links": "toe"}}, "feet.links: pattern `toe` matches no link"),
+        ({"sensors": {"a": {"kind": "jointpos", "joint": "knee"}}},
+         "sensors.a: no moving joint `knee`"),
+        ({"sensors": {"a": {"kind": "framepos", "link": "trunk", "relative_to": "x"}}},
+         "sensors.a.relative_to: no link `x`"),
+        ({"imu": {"link": "trunk"},
+          "sensors": {"imu_quat": {"kind": "framequat", "link": "trunk"}}},
+         "sensors: the name `imu_quat` is taken"),
+    ],
+)  # fmt: skip
+def test_a_link_or_joint_that_is_not_there(said: dict[str, object], message: str):
     with pytest.raises(RowError) as caught:
-        sensors_of(recipe(**BAD[message]))
+        sensors_of(recipe(**said))
     assert message in caught.value.message
 
 

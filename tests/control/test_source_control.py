@@ -10,7 +10,7 @@ import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
 from robot_files import run_step, write_robot_ports
-from tiny import TinyRobot, pendulum, tiny_quadruped
+from tiny import pendulum, tiny_quadruped
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
@@ -44,14 +44,6 @@ def test_the_source_holds_where_the_recipe_is_silent(tmp_path: Path):
     assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1))
 
 
-def test_a_keyframe_that_states_no_joint_keeps_the_pose_of_the_source(tmp_path: Path):
-    control = made(tmp_path, keyframes={"home": {"base": "on_ground"}, "other": {}}).control
-    assert [(key.name, key.joints) for key in control.keyframes] == [
-        ("home", (("j", 0.5),)),
-        ("other", (("j", 0.0),)),
-    ]
-
-
 def test_the_recipe_wins_key_by_key(tmp_path: Path):
     control = made(
         tmp_path,
@@ -67,6 +59,18 @@ def test_the_recipe_wins_key_by_key(tmp_path: Path):
         ("home", (("j", 0.25),)),
         ("other", (("j", 0.0),)),
     ]
+
+
+def test_a_keyframe_without_joints_keeps_the_source_s_and_a_rule_for_links_its_friction(
+    tmp_path: Path,
+):
+    only = {
+        "keyframes": {"home": {"base": "on_ground"}},
+        "contact": {"links": {"a": {"condim": 1}}},
+    }
+    control = made(tmp_path, **only).control
+    assert [(key.name, key.joints) for key in control.keyframes] == [("home", (("j", 0.5),))]
+    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)
 
 
 def test_a_table_of_drives_replaces_them_all_but_leaves_the_armature(tmp_path: Path):
@@ -171,27 +175,28 @@ def test_what_no_longer_touches_is_reported(
 LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
 
 
-def strong(effort: float = 500.0) -> TinyRobot:
-    """The pendulum with a motor that MuJoCo's default limits do not hold."""
+SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
+
+
+@pytest.mark.parametrize(
+    ("effort", "side", "said", "stiffer"),
+    [
+        (500.0, Side(), (), True),
+        (5.0, Side(), (), False),
+        (500.0, Side(from_mjcf=True), (), False),
+        (500.0, Side(from_mjcf=True, stated=("limits",)), (), True),
+        (500.0, Side(from_mjcf=True, stated=("limits",)), (SAID,), False),
+    ],
+    ids=["strong", "weak", "of an MJCF", "the recipe's wish", "the source states the softness"],
+)
+def test_a_strong_motor_gets_stiffer_limits_unless_the_source_has_its_own(
+    effort: float, side: Side, said: tuple[MjcfOnly, ...], stiffer: bool
+):
     robot = pendulum()
     (row,) = robot.control.actuators
-    control = replace(robot.control, actuators=(replace(row, effort=effort),))
-    return replace(robot, control=control)
-
-
-def limits_of(robot: TinyRobot, side: Side, control: Control | None = None) -> tuple[str, ...]:
-    made = softened(robot.tree, control or robot.control, (side,), LIMITS, COUPLINGS)
-    return tuple(name for name, _ in made.soft_limits)
-
-
-def test_a_strong_motor_gets_stiffer_limits_and_a_weak_one_keeps_mujocos() -> None:
-    assert limits_of(strong(), Side()) == ("swing_joint",)
-    assert limits_of(strong(5.0), Side()) == ()
-
-
-def test_an_mjcf_keeps_its_limits_unless_the_recipe_states_a_wish() -> None:
-    assert limits_of(strong(), Side(from_mjcf=True)) == ()
-    assert limits_of(strong(), Side(from_mjcf=True, stated=("limits",))) == ("swing_joint",)
+    control = replace(robot.control, actuators=(replace(row, effort=effort),), mjcf_only=said)
+    made = softened(robot.tree, control, (side,), LIMITS, COUPLINGS)
+    assert [name for name, _ in made.soft_limits] == ["swing_joint"] * stiffer
 
 
 def kept(folder: Path, control: Control) -> bytes:
@@ -206,26 +211,18 @@ def changed(control: Control, **values: float) -> Control:
     return replace(control, actuators=tuple(rows))
 
 
-@pytest.mark.parametrize("name", ["kp", "kd", "armature"])
-def test_gains_keyframes_and_contacts_change_nothing(tmp_path: Path, name: str):
+@pytest.mark.parametrize(
+    ("name", "is_rating"),
+    [*((name, True) for name in ("effort", "velocity", "damping", "friction")),
+     *((name, False) for name in ("kp", "kd", "armature"))],
+)  # fmt: skip
+def test_ratings_are_kept_and_gains_keyframes_and_contacts_are_not(
+    tmp_path: Path, name: str, is_rating: bool
+):
     control = tiny_quadruped().control
-    other = changed(replace(control, keyframes=(), excludes=()), **{name: 1.25})
-    assert kept(tmp_path / "a", control) == kept(tmp_path / "b", other)
-
-
-@pytest.mark.parametrize("name", ["effort", "velocity", "damping", "friction"])
-def test_each_rating_is_kept(tmp_path: Path, name: str):
-    control = tiny_quadruped().control
-    assert kept(tmp_path / "a", control) != kept(tmp_path / "b", changed(control, **{name: 1.25}))
-
-
-SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
-
-
-def test_softness_that_the_source_states_wins() -> None:
-    robot = strong()
-    said = replace(robot.control, mjcf_only=(SAID,))
-    assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()
+    rows = tuple(replace(row, **{name: 1.25}) for row in control.actuators)
+    other = replace(control, actuators=rows, keyframes=(), excludes=())
+    assert (kept(tmp_path / "a", control) != kept(tmp_path / "b", other)) is is_rating
 
 
 def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Path):
@@ -239,8 +236,3 @@ def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Pa
         texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
     assert texts[0] == texts[1]
     assert b"effort" in texts[0]
-
-
-def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
-    control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
-    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)
