@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import shutil
 import tempfile
@@ -58,6 +59,12 @@ def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
     """Runs `step` on two folders, as the engine would, and returns its findings."""
     outputs.mkdir(parents=True, exist_ok=True)
     return list(step.run(Files(inputs=inputs, outputs=outputs)))
+
+
+def checked(check: Step, inputs: Path, outputs: Path) -> tuple[list[Finding], dict[str, Any]]:
+    """The findings of a check, and its figures."""
+    findings = run_step(check, inputs, outputs)
+    return findings, json.loads((outputs / "figures.json").read_text())
 
 
 def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:

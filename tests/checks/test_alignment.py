@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -13,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
@@ -22,11 +22,10 @@ from assetbuild.alignment.row import Row, findings_of
 from assetbuild.checks._newton import OFF as NEWTON_OFF
 from assetbuild.checks._newton import NewtonAlignment, touching_row
 from assetbuild.checks._physx import OFF, Alignment
-from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Simulation
-from assetbuild.simulators import mujoco, newton
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
     Experiment,
     Motion,
@@ -42,9 +41,6 @@ from assetbuild.targets.mjcf import Mjcf
 
 Spoil = Callable[[Usd.Stage], object]
 LOST = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
-needs_physx = pytest.mark.skipif(
-    importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
-)
 
 
 def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda stage: None) -> list[Finding]:
@@ -187,11 +183,6 @@ def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
 
 
 # --- In Newton, and how joints answer ---
-
-
-needs_newton = pytest.mark.skipif(
-    newton.HOME.python(World()) is None, reason="needs `assetbuild smoke --consumer newton` once"
-)
 
 
 def motion(joint: str, angle: np.ndarray) -> Motion:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from checks.engines import needs_physx
 from pxr import Sdf, Usd, UsdPhysics
 from robot_files import check_inputs, run_step
 from tiny import TinyRobot, pendulum, tiny_quadruped
@@ -19,9 +19,6 @@ from assetbuild.robot.model import Simulation
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
-needs_physx = pytest.mark.skipif(
-    importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
-)
 CHECKS = [FreeFall, pytest.param(PhysxFreeFall, marks=needs_physx)]
 
 

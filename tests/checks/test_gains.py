@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs, checked, write_robot_ports
 from tiny import TinyRobot, pendulum
 
 from assetbuild.checks.gains import Gains
@@ -34,8 +33,8 @@ def arm(timestep: float = 0.002, **fields: object) -> TinyRobot:
 
 def evaluate(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
     write_robot_ports(folder / "in", robot)
-    findings = run_step(Gains(**said), folder / "in", folder / "out")
-    return findings, json.loads((folder / "out/figures.json").read_text())["joints"]
+    findings, figures = checked(Gains(**said), folder / "in", folder / "out")
+    return findings, figures["joints"]
 
 
 def rules(findings: Sequence[Finding]) -> set[str]:

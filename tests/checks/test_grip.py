@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
+from checks.engines import needs_newton, needs_physx
 from hands import COUPLED, PINCHER, robot
-from robot_files import models, run_step
+from robot_files import checked, models
 from tiny import TinyRobot, box_inertial
 
 from assetbuild.checks._mujoco import Gripping
 from assetbuild.checks._newton import NewtonGripping
 from assetbuild.checks._physx import PhysxGripping
-from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
 from assetbuild.simulators.gripping import GripWish, StageGripping
-from assetbuild.simulators.newton import HOME
 
 PADS = 'priority="1" solref="0.004 1" solimp="0.95 0.99 0.001"'
 
 
-def pincher(folder: Path, **changed: str) -> Path:
+def tried(
+    folder: Path, wish: GripWish | None = None, **changed: str
+) -> tuple[list[Finding], dict[str, Any]]:
+    """What the check says of a pincher whose MJCF is changed."""
     text = robot(PINCHER, ["left"], folder, COUPLED).read_text()
     for old, new in {'size=".01 .005 .03"': f'size=".01 .005 .03" {PADS}', **changed}.items():
         assert old in text
@@ -34,16 +35,12 @@ def pincher(folder: Path, **changed: str) -> Path:
     inputs = folder / "inputs"
     (inputs / "mjcf").mkdir(parents=True)
     (inputs / "mjcf/robot.xml").write_text(text)
-    return inputs
-
-
-def evaluate(inputs: Path, check: Gripping) -> tuple[list[Finding], dict[str, dict]]:
-    findings = run_step(check, inputs, inputs.parent / "out")
-    return findings, json.loads((inputs.parent / "out/figures.json").read_text())
+    check = Gripping(robot="robot", wish=wish or GripWish())
+    return checked(check, inputs, folder / "out")
 
 
 def test_a_pincher_holds_cube_cylinder_and_sphere(tmp_path: Path) -> None:
-    findings, figures = evaluate(pincher(tmp_path), Gripping(robot="robot"))
+    findings, figures = tried(tmp_path)
     assert findings == []
     rows = figures["mjcf"]["palm"]
     assert [row["shape"][:2] for row in rows] == ["cu", "cu", "cy", "cy", "sp", "sp"]
@@ -56,7 +53,7 @@ def test_a_pincher_holds_cube_cylinder_and_sphere(tmp_path: Path) -> None:
 
 def test_a_pincher_without_strength_loses_them_and_says_what_it_holds(tmp_path: Path) -> None:
     weak = {'forcerange="-40 40"': 'forcerange="-1 1"'}
-    (lost,), _ = evaluate(pincher(tmp_path, **weak), Gripping(robot="robot"))
+    (lost,), _ = tried(tmp_path, **weak)
     assert lost.rule == "grip.lost"
     assert "flat pads" in lost.hint
     assert "a cube of 40 mm and 0.5 kg is lost" in lost.message
@@ -66,7 +63,7 @@ def test_a_pincher_without_strength_loses_them_and_says_what_it_holds(tmp_path: 
 @pytest.mark.slow
 def test_a_pyramidal_cone_lets_them_slip(tmp_path: Path) -> None:
     soft = {'cone="elliptic" impratio="50"': 'cone="pyramidal" impratio="1"'}
-    (lost,), figures = evaluate(pincher(tmp_path, **soft), Gripping(robot="robot"))
+    (lost,), figures = tried(tmp_path, **soft)
     assert "slips by" in lost.message
     assert max(row["slip_m"] for row in figures["mjcf"]["palm"] if row["held"]) > 0.002
 
@@ -92,8 +89,7 @@ def test_a_robot_that_cannot_be_tried_is_told(
     said: str,
     tmp_path: Path,
 ) -> None:
-    check = Gripping(robot="robot", wish=GripWish(keyframes=keyframes))
-    (found,), _ = evaluate(pincher(tmp_path, **changed), check)
+    (found,), _ = tried(tmp_path, GripWish(keyframes=keyframes), **changed)
     assert (found.rule, found.severity) == ("grip.hand", severity)
     assert said in found.message
 
@@ -103,21 +99,11 @@ def test_a_robot_that_cannot_be_tried_is_told(
 
 WISH = GripWish(masses=(0.2,))
 ENGINES = [
-    pytest.param(
-        PhysxGripping(robot="robot", wish=WISH),
-        "physx.grip",
-        marks=pytest.mark.skipif(find_spec("ovphysx") is None, reason="needs the extra `physx`"),
-    ),
+    pytest.param(PhysxGripping(robot="robot", wish=WISH), "physx.grip", marks=needs_physx),
     pytest.param(
         NewtonGripping(robot="robot", wish=WISH, environment="newton"),
         "newton.grip",
-        marks=[
-            pytest.mark.slow,
-            pytest.mark.skipif(
-                HOME.python(World()) is None,
-                reason="needs `assetbuild smoke RECIPE --consumer newton` once",
-            ),
-        ],
+        marks=[pytest.mark.slow, needs_newton],
     ),
 ]
 
@@ -156,17 +142,14 @@ def pincher_in_stages(effort: float) -> TinyRobot:
 def test_a_pincher_holds_what_it_should_and_loses_it_without_strength(
     check: StageGripping, rule: str, tmp_path: Path
 ) -> None:
-    def evaluate(effort: float, folder: Path) -> tuple[list[Finding], list[dict[str, object]]]:
-        findings = run_step(check, models(folder, pincher_in_stages(effort)), folder / "out")
-        figures = json.loads((folder / "out/figures.json").read_text())
-        return findings, figures["usd"]["palm"]
-
-    findings, rows = evaluate(40.0, tmp_path / "strong")
+    strong = models(tmp_path / "strong", pincher_in_stages(40.0))
+    findings, figures = checked(check, strong, tmp_path / "held")
     assert findings == []
-    assert [row["shape"] for row in rows] == ["cube", "cylinder", "sphere"]
+    assert [row["shape"] for row in figures["usd"]["palm"]] == ["cube", "cylinder", "sphere"]
     # Friction 1 on two sides holds 2 N of weight by 1 N each; half of that is pressed.
-    (lost,), rows = evaluate(0.5, tmp_path / "weak")
+    weak = models(tmp_path / "weak", pincher_in_stages(0.5))
+    (lost,), figures = checked(check, weak, tmp_path / "lost")
     assert lost.rule == rule
     assert "fails to hold 3" in lost.message
     assert "a cube of 40 mm and 0.2 kg is lost" in lost.message
-    assert {row["slip_m"] for row in rows} == {None}
+    assert {row["slip_m"] for row in figures["usd"]["palm"]} == {None}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import shutil
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checks.engines import needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
@@ -32,9 +32,6 @@ from assetbuild.targets.usd import Usd as UsdTarget
 FREE = ("coupler_joint", "rocker_joint")
 NO_POSE = np.zeros((3, 3))
 OPEN = [("loop.opens", "error")]
-needs_physx = pytest.mark.skipif(
-    importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
-)
 
 
 def rules(check: Loops | PhysxLoops | NewtonLoops, inputs: Path, out: Path) -> list[tuple]:

@@ -16,6 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from checks.engines import needs_newton
 from newton_child import readings
 from pxr import Usd
 from robot_files import models, run_step, spoil_stage, write_robot_ports
@@ -32,7 +33,6 @@ from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Contact
 from assetbuild.robot.ranges import Randomize
-from assetbuild.simulators import newton
 from assetbuild.simulators.children import ask
 from assetbuild.simulators.consumers import MADE, Environment, SmokeBounds
 from assetbuild.simulators.experiments import Outcome
@@ -266,10 +266,7 @@ SPOILT: dict[tuple[str, str], Spoil] = {
 
 
 @pytest.mark.slow  # starts Newton
-@pytest.mark.skipif(
-    newton.HOME.python(World()) is None,
-    reason="needs `assetbuild smoke RECIPE --consumer newton` once",
-)
+@needs_newton
 def test_newton_holds_the_robot_and_each_wrong_number_is_found(tmp_path: Path):
     one = robot()
     inputs = models(tmp_path, one)

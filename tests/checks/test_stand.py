@@ -6,10 +6,10 @@ import json
 import math
 import shutil
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import check_inputs, models, run_step, spoil_stage
 from tiny import TinyRobot, pendulum, tiny_quadruped
@@ -18,14 +18,12 @@ from assetbuild.checks._mujoco import Slope
 from assetbuild.checks._newton import NewtonSlope
 from assetbuild.checks._physx import PhysxSlope
 from assetbuild.checks.stand import Stand
-from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
 from assetbuild.simulators.mujoco.stand import Stand as Stood
 from assetbuild.simulators.mujoco.stand import outcome
-from assetbuild.simulators.newton import HOME
 from assetbuild.targets.mjcf import Mjcf, MjcfOptions
 
 FEET = ".*_foot"
@@ -248,7 +246,7 @@ def slippery(stage: Usd.Stage) -> None:
             prim.GetAttribute("physxMaterial:frictionCombineMode").Set("average")
 
 
-@pytest.mark.skipif(find_spec("ovphysx") is None, reason="needs the extra `physx`")
+@needs_physx
 def test_feet_that_lost_their_friction_slide_in_physx(tmp_path: Path) -> None:
     inputs = models(tmp_path, tiny_quadruped())
     assert run_step(PhysxSlope(robot="robot"), inputs, tmp_path / "good") == []
@@ -258,9 +256,7 @@ def test_feet_that_lost_their_friction_slide_in_physx(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    HOME.python(World()) is None, reason="needs `assetbuild smoke RECIPE --consumer newton` once"
-)
+@needs_newton
 def test_a_pyramidal_cone_slides_in_newton_too(tmp_path: Path) -> None:
     check, inputs = NewtonSlope(robot="robot", environment=""), models(tmp_path, tiny_quadruped())
     assert run_step(check, inputs, tmp_path / "good") == []

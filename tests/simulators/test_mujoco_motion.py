@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
 import mujoco as engine
 import numpy as np
 import pytest
+from checks.engines import needs_physx
 from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, box_inertial, four_bar, pendulum, tiny_quadruped
 
@@ -154,7 +154,6 @@ def test_a_loop_that_leaves_no_motion_is_tried_under_gravity_alone(
 # --- PhysX through its child process ---
 
 
-needs_physx = pytest.mark.skipif(find_spec("ovphysx") is None, reason="needs the extra `physx`")
 GRAVITY = (0.0, 0.0, -9.81)
 
 
