@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from robot_files import run_step
+from robot_files import checked, run_step
 
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding
@@ -45,14 +45,13 @@ def check(
     source: str = SOURCE,
     **fields: object,
 ) -> tuple[list[Finding], dict[str, object]]:
-    inputs, outputs = tmp_path / "in", tmp_path / "out"
+    inputs = tmp_path / "in"
     inputs.mkdir(parents=True)
     (inputs / "source.urdf").write_text(source)
     (inputs / "shapes.json").write_bytes(encode(shapes))
     links = Tree("r", "fixed", (Body("trunk"), Body("foot"), Body("frame")), ())
     (inputs / "links.json").write_bytes(encode(links))
-    findings = run_step(Counts(robot="r", rules=rules, **fields), inputs, outputs)
-    return findings, json.loads((outputs / "figures.json").read_text())
+    return checked(Counts(robot="r", rules=rules, **fields), inputs, tmp_path / "out")
 
 
 def without(name: str) -> Shapes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from checks.engines import needs_physx
 from pxr import Usd, UsdPhysics
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs, checked, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.checks._mujoco import Loops
@@ -34,7 +33,7 @@ NO_POSE = np.zeros((3, 3))
 OPEN = [("loop.opens", "error")]
 
 
-def rules(check: Loops | PhysxLoops | NewtonLoops, inputs: Path, out: Path) -> list[tuple]:
+def rules(check: Loops | PhysxLoops, inputs: Path, out: Path) -> list[tuple]:
     return [(finding.rule, finding.severity) for finding in run_step(check, inputs, out)]
 
 
@@ -49,6 +48,12 @@ def test_a_loop_that_the_mjcf_has_lost_opens(is_lost: bool, tmp_path: Path) -> N
     assert rules(Loops(robot="robot"), inputs, tmp_path / "out") == (OPEN if is_lost else [])
 
 
+def without_loop(stage: Usd.Stage) -> None:
+    joints = [UsdPhysics.Joint(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Joint)]
+    (loop,) = (joint for joint in joints if joint.GetExcludeFromArticulationAttr().Get())
+    loop.GetPrim().SetActive(False)
+
+
 @needs_physx
 @pytest.mark.parametrize("is_lost", [False, True])
 def test_a_loop_that_the_usd_has_lost_opens_in_physx(is_lost: bool, tmp_path: Path) -> None:
@@ -58,14 +63,7 @@ def test_a_loop_that_the_usd_has_lost_opens_in_physx(is_lost: bool, tmp_path: Pa
     bar = replace(bar, control=replace(bar.control, keyframes=(home,)))
     inputs = check_inputs(tmp_path, bar, UsdTarget(robot="robot"), "usd")
     if is_lost:
-        stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-        joints = [prim for prim in stage.Traverse() if prim.IsA(UsdPhysics.Joint)]
-        (loop,) = (
-            prim for prim in joints if UsdPhysics.Joint(prim).GetExcludeFromArticulationAttr().Get()
-        )
-        loop.SetActive(False)
-        stage.Save()
-        del stage
+        spoil_stage(inputs / "usd/robot.usda", without_loop)
     assert rules(PhysxLoops(robot="robot"), inputs, tmp_path / "out") == (OPEN if is_lost else [])
 
 
@@ -99,9 +97,9 @@ def test_a_loop_that_newton_does_not_hold_is_an_error(
 
     monkeypatch.setattr(NewtonLoops, "perform", perform)
     inputs = write_robot_ports(tmp_path / "in", robot)
-    found = rules(NewtonLoops(robot="bot", environment="newton"), inputs, tmp_path / "out")
-    assert found == ([] if kind == "closed" else OPEN)
-    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    check = NewtonLoops(robot="bot", environment="newton")
+    findings, figures = checked(check, inputs, tmp_path / "out")
+    assert [(f.rule, f.severity) for f in findings] == ([] if kind == "closed" else OPEN)
     if kind == "closed":
         assert figures["largest_gap"] < 1e-6 and figures["swing"]["crank_joint"] > 0.0
 
@@ -133,9 +131,7 @@ def pushed(
     robot: TinyRobot, folder: Path, source: str | None = None
 ) -> tuple[list[Finding], dict[str, dict]]:
     inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
-    check = FullEffort(robot="robot", source=source)
-    findings = run_step(check, inputs, folder / "out")
-    return findings, json.loads((folder / "out/figures.json").read_text())
+    return checked(FullEffort(robot="robot", source=source), inputs, folder / "out")
 
 
 def test_a_strong_joint_runs_past_mujocos_default_limits(tmp_path: Path) -> None:
@@ -186,5 +182,5 @@ def test_the_mjx_file_is_pushed_too(tmp_path: Path) -> None:
     inputs = check_inputs(tmp_path, stiff(coupled()), Mjcf(robot="robot"), "mjcf")
     run_step(Mjx(robot="robot"), inputs, tmp_path / "made")
     shutil.copytree(tmp_path / "made/mjx", inputs / "mjx")
-    assert run_step(FullEffort(robot="robot"), inputs, tmp_path / "out") == []
-    assert set(json.loads((tmp_path / "out/figures.json").read_text())) == {"mjcf", "mjx"}
+    findings, figures = checked(FullEffort(robot="robot"), inputs, tmp_path / "out")
+    assert findings == [] and figures.keys() == {"mjcf", "mjx"}

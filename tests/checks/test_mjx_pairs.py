@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from robot_files import check_inputs, run_step
+from robot_files import check_inputs, checked, run_step
 from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Contact, Control
+from assetbuild.robot.model import Contact
 from assetbuild.robot.shapes import Box
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
-def checked(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
+def tried(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
     target = Mjx(robot="robot", options=MjxOptions.model_validate(said))
-    inputs = check_inputs(folder, robot, target, "mjx")
-    findings = run_step(MjxPairs(), inputs, folder / "out")
-    return findings, json.loads((folder / "out/figures.json").read_text())
+    return checked(MjxPairs(), check_inputs(folder, robot, target, "mjx"), folder / "out")
 
 
 def test_only_the_floor_is_touched_and_every_pair_is_fast(tmp_path: Path) -> None:
-    findings, figures = checked(tiny_quadruped(), tmp_path)
+    findings, figures = tried(tiny_quadruped(), tmp_path)
     assert findings == []
     assert figures["pairs"] == figures["fast_on_warp"] == 17
     assert set(figures["by_kinds"]) == {"plane-box", "plane-cylinder", "plane-capsule", "plane-sphere"}  # fmt: skip # noqa: E501
@@ -36,16 +33,15 @@ def test_only_the_floor_is_touched_and_every_pair_is_fast(tmp_path: Path) -> Non
 
 def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    control: Control = replace(robot.control, excludes=())
-    loose = replace(robot, control=control)
+    loose = replace(robot, control=replace(robot.control, excludes=()))
     # Hips are cylinders on the trunk's box, but parent and child never touch: so no error yet.
-    findings, figures = checked(loose, tmp_path / "a", self_collision=True)
+    findings, figures = tried(loose, tmp_path / "a", self_collision=True)
     assert findings == []
     assert figures["pairs"] > figures["fast_on_warp"] >= 17
     box = Box((0.02, 0.02, 0.12))
     shapes = tuple(replace(s, geometry=box) if "calf" in s.name else s for s in loose.shapes.shapes)
     boxes = replace(loose, shapes=replace(loose.shapes, shapes=shapes))
-    findings, _ = checked(boxes, tmp_path / "b", self_collision=True)
+    findings, _ = tried(boxes, tmp_path / "b", self_collision=True)
     assert "mjx.pair" in {f.rule for f in findings}
 
 
@@ -57,7 +53,7 @@ def test_a_margin_on_a_mesh_is_refused(tmp_path: Path) -> None:
     )
     control = replace(robot.control, contact=Contact(margin=0.001))
     bad = replace(robot, shapes=replace(robot.shapes, shapes=shapes), control=control)
-    assert "mjx.margin" in {f.rule for f in checked(bad, tmp_path)[0]}
+    assert "mjx.margin" in {f.rule for f in tried(bad, tmp_path)[0]}
 
 
 def test_a_solver_that_mjx_lacks_is_refused(tmp_path: Path) -> None:
@@ -79,7 +75,6 @@ def test_the_pairs_are_those_that_mujoco_finds_in_a_heap(tmp_path: Path) -> None
     model.geom_size[solid] = 3.0
     model.geom_rbound[solid] = 10.0
     model.geom_aabb[solid, 3:] = 10.0
-    model.body_conaffinity = model.body_conaffinity
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
