@@ -125,19 +125,23 @@ REFUSED = {
     "over a link that does not exist": (
         step(loop(b={"link": "rockr"})), ("loops", 0, "b", "link"), "no link `rockr`", "`rocker`"),
     "out of reach": (
-        step(loop(b={"link": "base", "xyz": (1.0, 0.0, 0.0)})), ("loops", 0), "0.70", ""),
+        step(loop(b={"link": "base", "xyz": (1.0, 0.0, 0.0)})), ("loops", 0),
+        "`pin` cannot close: the nearest that its ends `coupler` and `base` come is 0.7002 m",
+        "the frames of both ends"),
     "two that contradict each other": (
         step(loop(), loop("bolt", b={"link": "rocker", "xyz": (0.14, 0.0, 0.0)})),
         ("keyframes", "home"), "stays open", "contradict"),
     "held open by a keyframe": (
         step(loop(), home={".*": 0.0}), ("keyframes", "home"), "stays open by", ""),
     "locks a driven joint": (
-        step(HELD, home={}), ("loops", 0), "locks joint `crank_joint`", ""),
+        step(HELD, home={}), ("loops", 0), "locks joint `crank_joint`",
+        "must leave its driven joints a motion"),
     "between links that nothing moves apart": (
         step(loop(a={"link": "base"}, b={"link": "base", "xyz": (0.1, 0.0, 0.0)})),
-        ("loops", 0), "holds nothing", ""),
+        ("loops", 0), "so loop `pin` holds nothing", "with moving joints between them"),
     "a second of the same name": (
-        step(loop(), loop()), ("loops", 1, "name"), "a second loop", ""),
+        step(loop(), loop()), ("loops", 1, "name"), "a second loop is named `pin`",
+        "choose another name"),
 }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from control.test_control import feet, quadruped, recipe
+from control.test_control import FEET, TREE, recipe
 from robot_files import run_step, write_robot_ports
 from tiny import TinyRobot, box_inertial
 
@@ -151,26 +151,23 @@ def test_what_always_and_what_never_touches_is_found(tmp_path):
     assert finding.data == {"pairs": 6, "always": len(always), "never": len(never)}
 
 
-TREE = quadruped()
-
-
 def sensors_of(said: object):
-    return placed_sensors(TREE, feet(), said.imu, said.feet, said.sensors)
+    return placed_sensors(TREE, FEET, said.imu, said.feet, said.sensors)
 
 
 def test_feet_get_a_contact_sensor_each_and_the_imu_its_four():
     made = sensors_of(recipe(feet={"links": ".*_foot"}, imu={"link": "trunk"}))
     assert [s.name for s in made[:4]] == ["imu_ang_vel", "imu_lin_acc", "imu_lin_vel", "imu_quat"]
-    assert [s.at for s in made[4:]] == [Place("shape", f"{leg}_f") for leg in ("FL", "FR", "RL", "RR")]  # fmt: skip # noqa: E501
+    assert [s.at for s in made[4:]] == [Place("shape", s.name) for s in FEET.shapes]
 
 
 def test_a_surface_changes_only_what_it_says():
     rules = {"friction": [0.5, 0, 0], "links": {".*_foot": {"condim": 6}}}
     contact = recipe(contact=rules).contact
-    surfaces = {s.name: changed(contact.common, contact.links, s.link) for s in feet().shapes}
+    surfaces = {s.name: changed(contact.common, contact.links, s.link) for s in FEET.shapes}
     found = {name: one for name, one in surfaces.items() if one != contact.common}
-    assert set(found) == {"FL_f", "FR_f", "RL_f", "RR_f"}
-    assert (found["FL_f"].condim, found["FL_f"].friction) == (6, (0.5, 0.0, 0.0))
+    assert set(found) == {s.name for s in FEET.shapes}
+    assert {(f.condim, f.friction) for f in found.values()} == {(6, (0.5, 0.0, 0.0))}
 
 
 @pytest.mark.parametrize(
@@ -201,4 +198,4 @@ def test_an_optical_frame_looks_along_z():
 
 def test_a_pattern_of_surfaces_without_a_shape():
     with pytest.raises(RowError, match="matches no link with a collision shape"):
-        check_surfaces(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
+        check_surfaces(FEET, recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
