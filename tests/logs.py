@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +12,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import pytest
 from robot_files import run_step
 
 from assetbuild.findings import Finding
 from assetbuild.identify.fit_logs import FitLogs
+from assetbuild.identify.read_log import ReadLog
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.identify import Fit, Parameter
+from assetbuild.robot.identify import Columns, Fit, Parameter
 from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose
 
@@ -131,6 +134,31 @@ def columns_of(target: np.ndarray, position: np.ndarray) -> dict[str, np.ndarray
     for j, joint in enumerate(JOINTS):
         found |= {f"position_{joint}": position[:, j], f"target_{joint}": target[:, j]}
     return found
+
+
+def read(
+    folder: Path,
+    log: Mapping[str, Sequence[float]] | Path,
+    **keys: Any,  # Any: fields of the step
+) -> tuple[Sequence[Finding], Mapping[str, np.ndarray]]:
+    """The step `ReadLog` on columns or on a file: its findings and the records."""
+    inputs = folder / "in"
+    inputs.mkdir(exist_ok=True)
+    (inputs / "tree.json").write_bytes(encode(arm()))
+    if isinstance(log, Path):
+        shutil.copyfile(log, inputs / "log")
+    else:
+        write_csv(inputs / "log", log)
+    step = ReadLog(**{"file": "log.csv", "joints": JOINTS, "columns": Columns()} | keys)
+    return run_step(step, inputs, folder / "out"), np.load(folder / "out/record.npz")
+
+
+def assert_found(parameters: Sequence[Parameter], *, but: str = "") -> None:
+    """Each within 5 % of its hidden value, which its interval holds. but: one that may not be."""
+    for each in parameters:
+        if each.name != but:
+            assert each.value == pytest.approx(truth(each), rel=0.05), each
+            assert each.low <= truth(each) <= each.high, each
 
 
 def arm() -> Tree:

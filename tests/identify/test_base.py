@@ -7,19 +7,17 @@ from logs import (
     DELAY_S,
     JOINTS,
     RATE_HZ,
-    arm,
+    assert_found,
     chirps,
+    columns_of,
     fitted,
+    read,
     text_of_two_links,
-    truth,
 )
-from robot_files import run_step
 from scipy.spatial.transform import Rotation
 
 from assetbuild.errors import StepError
-from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.record import commands, on_moving_base, poses
-from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns, Identify
 
 AXES = np.array([0.25, 0.15, 0.1, 0.8, 0.5, 0.6])
@@ -85,51 +83,30 @@ def test_hidden_parameters_come_out_on_a_base_that_sways(tmp_path):
     q += np.random.default_rng(0).normal(0.0, 3e-4, q.shape)
     fit, findings = fitted(tmp_path / "moving", target, q, base=pose, moving=True)
     assert not findings
-    for each in fit.parameters:
-        if each.name != "delay":
-            assert each.value == pytest.approx(truth(each), rel=0.05), each
-            assert each.low <= truth(each) <= each.high, each
+    assert_found(fit.parameters, but="delay")
     still, findings = fitted(tmp_path / "still", target, q)
     assert all("it lacks something" in p.refused for p in still.parameters if p.name == "armature")
 
 
-def columns(pose, target):
-    found = {"time": np.arange(len(target)) / RATE_HZ}
-    for j, joint in enumerate(JOINTS):
-        found |= {f"position_{joint}": target[:, j], f"target_{joint}": target[:, j]}
-    for n, axis in enumerate("wxyz"):
-        found[f"base_q{axis}"] = wxyz(pose)[:, n]
-    for n, axis in enumerate("xyz"):
-        found[f"base_{axis}"] = pose[:, n]
-    return found
-
-
-def read(folder, table, **patterns):
-    (folder / "in").mkdir()
-    (folder / "in/tree.json").write_bytes(encode(arm()))
-    np.savetxt(
-        folder / "in/log",
-        np.stack(list(table.values()), axis=1),
-        delimiter=",",
-        header=",".join(table),
-        comments="",
-    )
-    named = Columns(base_orientation="base_q{axis}", **patterns)
-    run_step(ReadLog(file="log.csv", joints=JOINTS, columns=named), folder / "in", folder / "out")
-    return np.load(folder / "out/record.npz")["base_0"]
+def columns(pose):
+    target = chirps(4.0)
+    found = columns_of(target, target)
+    found |= {f"base_q{axis}": wxyz(pose)[:, n] for n, axis in enumerate("wxyz")}
+    return found | {f"base_{axis}": pose[:, n] for n, axis in enumerate("xyz")}
 
 
 def test_columns_of_the_base_are_read(tmp_path):
     pose = swaying(4.0)
-    table = columns(pose, chirps(4.0))
-    assert read(tmp_path, table, base_position="base_{axis}") == pytest.approx(pose, abs=1e-6)
+    named = Columns(base_orientation="base_q{axis}", base_position="base_{axis}")
+    _, record = read(tmp_path, columns(pose), columns=named)
+    assert record["base_0"] == pytest.approx(pose, abs=1e-6)
 
 
 def test_an_orientation_that_is_none_is_refused(tmp_path):
-    table = columns(swaying(4.0), chirps(4.0))
+    table = columns(swaying(4.0))
     table["base_qw"] = table["base_qw"] + 1.0
     with pytest.raises(StepError, match="of a unit quaternion is 1"):
-        read(tmp_path, table)
+        read(tmp_path, table, columns=Columns(base_orientation="base_q{axis}"))
 
 
 def test_a_base_on_its_nose_is_refused():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,44 +12,44 @@ from logs import (
     JOINTS,
     RATE_HZ,
     arm,
+    assert_found,
     chirps,
     columns_of,
     fitted,
+    read,
     recorded,
     text_of_two_links,
-    truth,
-    write_csv,
 )
-from robot_files import run_step
 
 from assetbuild.identify.estimate import Problem, estimate
 from assetbuild.identify.plant import Plant
-from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.record import Drive, Record
 from assetbuild.identify.start import first_guess
-from assetbuild.robot.codec import encode
-from assetbuild.robot.identify import Columns
 from assetbuild.robot.model import Actuator, Control
+
+
+def linear(x, measured, parts, noise=(0.1,)):
+    """Measured (N, C) = parameters @ x; x: (parameters, N, C), 100 samples a second."""
+    count = len(x)
+    return Problem(
+        simulate=lambda vectors: np.stack([np.tensordot(v, x, 1) for v in vectors]),
+        measured=measured,
+        blocks=np.arange(len(measured)) // 100,
+        start=np.zeros(count),
+        lower=np.full(count, -np.inf),
+        steps=np.full(count, 1e-3),
+        parts=tuple(map(frozenset, parts)),
+        noise=np.array(noise),
+    )
 
 
 def line(noise, seed=0, twin=False, samples=2000):
     """y = a x1 + b x2 (+ c x2 again, which nobody can tell from b); truth 2, -1."""
     random = np.random.default_rng(seed)
     t = np.arange(samples) / 100.0
-    x = np.stack([np.sin(t), np.cos(3 * t)] + [np.cos(3 * t)] * twin)
-    e = noise(random, samples)
-    measured = (2.0 * x[0] - 1.0 * x[1] + e)[:, None]
-    count = len(x)
-    return Problem(
-        simulate=lambda vectors: np.stack([(v @ x)[:, None] for v in vectors]),
-        measured=measured,
-        blocks=(t // 1.0).astype(int),
-        start=np.zeros(count),
-        lower=np.full(count, -np.inf),
-        steps=np.full(count, 1e-3),
-        parts=(frozenset({0}),) * count,
-        noise=np.array([0.1]),
-    )
+    x = np.stack([np.sin(t), np.cos(3 * t)] + [np.cos(3 * t)] * twin)[:, :, None]
+    measured = 2.0 * x[0] - 1.0 * x[1] + noise(random, samples)[:, None]
+    return linear(x, measured, [{0}] * len(x))
 
 
 def white(random, samples):
@@ -87,28 +89,22 @@ def test_two_parameters_that_do_the_same_are_correlated_and_have_wide_intervals(
 
 def test_parameters_of_disjoint_parts_share_a_simulation():
     asked = []
+    x = np.zeros((2, 2000, 2))
+    x[0, :, 0] = x[1, :, 1] = 1.0
+    problem = linear(x, np.ones((2000, 2)), [{0}, {1}], noise=(1.0, 1.0))
 
     def simulate(vectors):
         asked.append(len(vectors))
-        return np.stack([np.stack([v[0] * np.ones(50), v[1] * np.ones(50)], 1) for v in vectors])
+        return problem.simulate(vectors)
 
-    problem = Problem(
-        simulate,
-        np.ones((50, 2)),
-        np.arange(50) // 5,
-        np.zeros(2),
-        np.zeros(2),
-        np.full(2, 1e-3),
-        (frozenset({0}), frozenset({1})),
-        np.ones(2),
-    )
-    assert estimate(problem).theta == pytest.approx([1.0, 1.0], abs=1e-5)
+    found = estimate(replace(problem, simulate=simulate))
+    assert found.theta == pytest.approx([1.0, 1.0], abs=1e-5)
     assert set(asked) == {1}
 
 
 def test_a_residual_above_the_noise_of_the_sensors_widens_the_intervals():
     quiet = line(white)
-    doubtful = Problem(**{**vars(quiet), "noise": np.array([0.01])})
+    doubtful = replace(quiet, noise=np.array([0.01]))
     narrow, wide = (estimate(problem) for problem in (quiet, doubtful))
     assert np.all(wide.lacking > 2.0 * (narrow.high - narrow.low))
     assert np.all(narrow.lacking == 0.0)
@@ -121,17 +117,7 @@ def test_a_residual_widens_only_what_its_channel_shows():
     x = np.zeros((2, 2000, 2))
     x[0, :, 0], x[0, :, 1], x[1, :, 1] = np.sin(t), 0.01 * np.sin(t), np.cos(3.0 * t)
     measured = x.sum(axis=0) + random.normal(0.0, 0.1, (2000, 2)) * [1.0, 20.0]
-    problem = Problem(
-        lambda vectors: np.stack([np.tensordot(v, x, 1) for v in vectors]),
-        measured,
-        (t // 1.0).astype(int),
-        np.zeros(2),
-        np.full(2, -np.inf),
-        np.full(2, 1e-3),
-        (frozenset({0, 1}), frozenset({1})),
-        np.full(2, 0.1),
-    )
-    fit = estimate(problem)
+    fit = estimate(linear(x, measured, [{0, 1}, {1}], noise=(0.1, 0.1)))
     assert fit.lacking[0] < 0.05 * fit.lacking[1]
 
 
@@ -182,24 +168,13 @@ def jittered(seconds, share, seed=3):
     return steps * DT, target, position
 
 
-def read(folder, time, target, position):
-    """The record of a log with these times."""
-    (folder / "in").mkdir()
-    (folder / "in/tree.json").write_bytes(encode(arm()))
-    write_csv(folder / "in/log", columns_of(target, position) | {"time": time})
-    run_step(
-        ReadLog(file="log.csv", joints=JOINTS, columns=Columns()), folder / "in", folder / "out"
-    )
-    return np.load(folder / "out/record.npz")
-
-
 def test_positions_are_interpolated_and_commands_keep_their_impulse(tmp_path):
     random = np.random.default_rng(0)
     even = np.arange(2000) / RATE_HZ
     time = even + random.uniform(0.0, 0.4 / RATE_HZ, len(even))
     position = np.stack([np.sin(2.0 * time), 0.5 * np.sin(3.0 * time)], axis=1)
     target = np.stack([np.sin(2.0 * even), 0.5 * np.sin(3.0 * even)], axis=1)
-    record = read(tmp_path, time, target, position)
+    _, record = read(tmp_path, columns_of(target, position) | {"time": time})
     period = float(record["period_s"])
     at = time[0] + period * np.arange(len(record["position_0"]))
     assert record["position_0"][:, 0] == pytest.approx(np.sin(2.0 * at), abs=1e-4)
@@ -210,17 +185,14 @@ def test_positions_are_interpolated_and_commands_keep_their_impulse(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.2, 0.6])
 def test_jitter_leaves_what_is_identified_right(tmp_path, share):
-    record = read(tmp_path, *jittered(20.0, share))
+    time, target, position = jittered(20.0, share)
+    _, record = read(tmp_path, columns_of(target, position) | {"time": time})
     fit, _ = fitted(tmp_path / "fit", record["target_0"], record["position_0"])
     called = [p for p in fit.parameters if not p.refused]
     assert len(called) >= 5
-    for each in called:
-        if each.name != "delay":
-            assert each.value == pytest.approx(truth(each), rel=0.05), each
-            assert each.low <= truth(each) <= each.high, each
+    assert_found(called, but="delay")
 
 
 def test_a_bound_holds():
-    problem = line(white)
-    bounded = Problem(**{**vars(problem), "lower": np.array([0.0, 0.0])})
+    bounded = replace(line(white), lower=np.array([0.0, 0.0]))
     assert estimate(bounded).theta[1] == 0.0

@@ -6,6 +6,7 @@ import pytest
 from logs import (
     JOINTS,
     RATE_HZ,
+    assert_found,
     chirps,
     fitted,
     recorded,
@@ -28,9 +29,7 @@ def test_hidden_parameters_come_out_within_their_intervals(tmp_path):
     target, position, _ = two_links(16.0)
     fit, findings = fitted(tmp_path, target, position)
     assert len(fit.parameters) == 7 and not findings
-    for each in fit.parameters:
-        assert each.value == pytest.approx(truth(each), rel=0.05), each
-        assert each.low <= truth(each) <= each.high, each
+    assert_found(fit.parameters)
     assert all(p.after < 0.1 * p.before for p in fit.predictions)
 
 

@@ -5,14 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from logs import JOINTS, RATE_HZ, arm, chirps, columns_of, write_csv
-from robot_files import run_step
+from logs import JOINTS, RATE_HZ, chirps, columns_of, read, write_csv
 
 from assetbuild.errors import StepError
 from assetbuild.identify.fit_logs import read_records
 from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.table import _csv
-from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns
 
 
@@ -23,15 +21,6 @@ def good():
     return columns_of(target, 0.95 * np.roll(target, 2, axis=0))
 
 
-def read(tmp_path, columns, **keys):
-    inputs = tmp_path / "in"
-    inputs.mkdir(exist_ok=True)
-    (inputs / "tree.json").write_bytes(encode(arm()))
-    write_csv(inputs / "log", columns)
-    step = ReadLog(**{"file": "log.csv", "joints": JOINTS, "columns": Columns()} | keys)
-    return run_step(step, inputs, tmp_path / "out"), tmp_path / "out"
-
-
 def refused(tmp_path, columns, **keys):
     with pytest.raises(StepError) as error:
         read(tmp_path, columns, **keys)
@@ -40,8 +29,8 @@ def refused(tmp_path, columns, **keys):
 
 
 def test_a_good_log_is_one_record(tmp_path, good):
-    findings, out = read(tmp_path, good)
-    (record,) = read_records(out / "record.npz")
+    findings, _ = read(tmp_path, good)
+    (record,) = read_records(tmp_path / "out/record.npz")
     assert not findings
     assert record.period_s == pytest.approx(1 / RATE_HZ)
     assert record.position[:, 0] == pytest.approx(good["position_shoulder"], abs=1e-6)
@@ -49,9 +38,8 @@ def test_a_good_log_is_one_record(tmp_path, good):
 
 def test_degrees_are_converted_when_they_are_stated(tmp_path, good):
     degrees = {k: v if k == "time" else np.degrees(v) for k, v in good.items()}
-    _, out = read(tmp_path, degrees, angle_unit="deg")
-    (record,) = read_records(out / "record.npz")
-    assert record.target[:, 1] == pytest.approx(good["target_elbow"], abs=1e-5)
+    _, record = read(tmp_path, degrees, angle_unit="deg")
+    assert record["target_0"][:, 1] == pytest.approx(good["target_elbow"], abs=1e-5)
 
 
 def all_but_time(log, change):
@@ -128,9 +116,9 @@ def test_a_log_that_cannot_be_what_the_recipe_says_is_refused(case, tmp_path, go
 
 def test_a_few_dropped_samples_cut_the_log_in_two(tmp_path, good):
     cut = {name: np.delete(values, np.s_[740:790]) for name, values in good.items()}
-    findings, out = read(tmp_path, cut)
+    findings, _ = read(tmp_path, cut)
     assert [finding.rule for finding in findings] == ["identify.dropped"]
-    assert len(read_records(out / "record.npz")) == 2
+    assert len(read_records(tmp_path / "out/record.npz")) == 2
 
 
 def test_a_log_without_end_is_refused_after_so_many_rows(tmp_path, good, monkeypatch):
@@ -143,9 +131,8 @@ def test_a_log_without_end_is_refused_after_so_many_rows(tmp_path, good, monkeyp
 
 def test_an_interval_is_all_that_is_read(tmp_path, good):
     good["position_elbow"][0] = np.nan
-    _, out = read(tmp_path, good, interval=(1.0, 4.0))
-    (record,) = read_records(out / "record.npz")
-    assert len(record.position) == pytest.approx(3 * RATE_HZ, abs=1)
+    _, record = read(tmp_path, good, interval=(1.0, 4.0))
+    assert len(record["position_0"]) == pytest.approx(3 * RATE_HZ, abs=1)
 
 
 def test_a_row_that_is_wider_than_the_header_is_refused_with_its_line(tmp_path):

@@ -9,15 +9,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from logs import JOINTS, RATE_HZ, arm, chirps
-from robot_files import run_step
+from logs import JOINTS, RATE_HZ, chirps, read
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from assetbuild.errors import StepError
-from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.table import element_names, info_beside, read_columns
-from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
@@ -164,21 +161,16 @@ def data_set(tmp_path):
     return chunk / "file-000.parquet"
 
 
-def read(data_set, tmp_path, **keys):
-    inputs = tmp_path / "in"
-    inputs.mkdir()
-    (inputs / "tree.json").write_bytes(encode(arm()))
-    shutil.copy(data_set, inputs / "log")
-    shutil.copy(info_beside(data_set), inputs / "info.json")
+def read_data_set(data_set, tmp_path, **keys):
+    (tmp_path / "in").mkdir()
+    shutil.copy(info_beside(data_set), tmp_path / "in/info.json")
     patterns = {"position": "observation.state[{joint}.pos]", "target": "action[{joint}.pos]"}
     columns = Columns(time="timestamp", **patterns)
-    step = ReadLog(file=data_set.name, joints=JOINTS, columns=columns, **keys)
-    run_step(step, inputs, tmp_path / "out")
-    return np.load(tmp_path / "out/record.npz")
+    return read(tmp_path, data_set, file=data_set.name, columns=columns, **keys)
 
 
 def test_an_episode_of_a_lerobot_data_set_by_the_names_of_its_info(data_set, tmp_path):
-    record = read(data_set, tmp_path, episode=1)
+    _, record = read_data_set(data_set, tmp_path, episode=1)
     assert len(record["position_0"]) == 150
     assert record["position_0"][10] == pytest.approx([-0.3 * np.sin(0.6), -0.2 * np.cos(0.4)])
 
@@ -193,7 +185,7 @@ def test_an_episode_of_a_lerobot_data_set_by_the_names_of_its_info(data_set, tmp
 )
 def test_what_a_data_set_has_not(data_set, tmp_path, keys, said):
     with pytest.raises(StepError, match=said):
-        read(data_set, tmp_path, **keys)
+        read_data_set(data_set, tmp_path, **keys)
 
 
 def test_an_info_that_is_none():
