@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
-from robot_files import models, run_step, spoil_stage, write_robot_ports
+from robot_files import check_inputs, checked, models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
 
 from assetbuild.alignment.check import SAMPLE_S, Compared, experiments_of, into_stop, stand_rows
@@ -43,23 +41,20 @@ Spoil = Callable[[Usd.Stage], object]
 LOST = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
 
 
-def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda stage: None) -> list[Finding]:
+def check(
+    robot: TinyRobot, folder: Path, spoil: Spoil = lambda stage: None
+) -> tuple[list[Finding], dict[str, Any]]:
     inputs = models(folder, robot)
     spoil_stage(inputs / "usd/robot.usda", spoil)
     short = Swing(frequency=4.0, seconds=0.75, tolerance=0.02)
-    return run_step(Alignment(robot="robot", sine=short), inputs, folder / "out")
-
-
-def rows_of(folder: Path) -> list[dict[str, object]]:
-    rows = json.loads((folder / "out/figures.json").read_text())["rows"]
-    assert isinstance(rows, list)
-    return rows
+    return checked(Alignment(robot="robot", sine=short), inputs, folder / "out")
 
 
 @needs_physx
 def test_quadruped_is_the_same_in_both(tmp_path: Path) -> None:
-    assert check(tiny_quadruped(), tmp_path) == []
-    rows = rows_of(tmp_path)
+    findings, figures = check(tiny_quadruped(), tmp_path)
+    assert findings == []
+    rows = figures["rows"]
     assert {row["verdict"] for row in rows} == {"ok"}
     ranks = [row["rank"] for row in rows]
     assert ranks == sorted(ranks, key=("HIGH", "MEDIUM").index)
@@ -76,7 +71,7 @@ def test_gains_in_the_wrong_unit_are_a_row(tmp_path: Path) -> None:
                 drive = UsdPhysics.DriveAPI(prim, "angular")
                 drive.GetDampingAttr().Set(3.0)  # N m s/rad where N m s/deg belong
 
-    found = {f.rule: f for f in check(tiny_quadruped(), tmp_path, spoil)}
+    found = {f.rule: f for f in check(tiny_quadruped(), tmp_path, spoil)[0]}
     row = found["alignment.physx.sine"]
     assert (row.severity, row.data["rank"]) == ("error", "HIGH")
     assert public_message(row) == WITHHELD
@@ -86,9 +81,9 @@ def test_mjcf_that_does_not_load_is_skipped(tmp_path: Path) -> None:
     inputs = write_robot_ports(tmp_path / "inputs", tiny_quadruped())
     (inputs / "mjcf").mkdir()
     (inputs / "mjcf/robot.xml").write_text("<mujoco>")
-    found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
+    found, figures = checked(Alignment(robot="robot"), inputs, tmp_path / "out")
     assert found == [], "`mjcf.load` reports it"
-    assert "not_loaded" in json.loads((tmp_path / "out/figures.json").read_text())
+    assert "not_loaded" in figures
 
 
 def standing(height: float, tilt: float) -> Motion:
@@ -137,17 +132,11 @@ def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
     assert (found.subject, found.data["rows"]) == ("joint b", 3)
 
 
-def excluding(path: Path, *pairs: tuple[str, str]) -> Path:
-    """The MJCF with these pairs excluded instead of its own."""
-    root = ElementTree.fromstring(path.read_text())  # noqa: S314 # ours
-    for contact in root.findall("contact"):
-        root.remove(contact)
-    contact = ElementTree.SubElement(root, "contact")
-    for one, other in pairs:
-        ElementTree.SubElement(contact, "exclude", body1=one, body2=other)
-    changed = path.with_stem(f"{len(pairs)}_excluded")
-    changed.write_text(ElementTree.tostring(root, "unicode"))
-    return changed
+def excluding(robot: TinyRobot, folder: Path, pairs: tuple[tuple[str, str], ...]) -> mujoco.Model:
+    """The model of its MJCF with these pairs excluded instead of its own."""
+    robot = replace(robot, control=replace(robot.control, excludes=pairs))
+    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    return mujoco.load(inputs / "mjcf/robot.xml").model
 
 
 @pytest.mark.parametrize(
@@ -162,8 +151,8 @@ def excluding(path: Path, *pairs: tuple[str, str]) -> Path:
 )
 def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
     tmp_path: Path,
-    here: Sequence[tuple[str, str]],
-    there: Sequence[tuple[str, str]],
+    here: tuple[tuple[str, str], ...],
+    there: tuple[tuple[str, str], ...],
     verdict: str,
     alone: str,
 ) -> None:
@@ -173,8 +162,7 @@ def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
     keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
     bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"),
                      control=replace(robot.control, keyframes=keys))  # fmt: skip
-    path = models(tmp_path, bolted) / "mjcf/robot.xml"
-    one, other = (mujoco.load(excluding(path, *pairs)).model for pairs in (here, there))
+    one, other = excluding(bolted, tmp_path / "a", here), excluding(bolted, tmp_path / "b", there)
     row = touching_row(one, other, tree)
     assert row.verdict == verdict
     assert alone == "".join(
@@ -185,8 +173,8 @@ def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
 # --- In Newton, and how joints answer ---
 
 
-def motion(joint: str, angle: np.ndarray) -> Motion:
-    time = 0.01 * np.arange(len(angle))
+def motion(joint: str, angle: np.ndarray, sample_s: float = 0.01) -> Motion:
+    time = sample_s * np.arange(len(angle))
     still = np.zeros((len(time), 3))
     return Motion(time, {joint: angle}, still, np.ones((len(time), 4)), still)
 
@@ -271,18 +259,13 @@ def test_joints_of_a_loop_stay_where_it_is_closed_while_others_run_into_their_li
         assert not any(still.swing.values())
 
 
-def check_newton(folder: Path) -> tuple[list[Finding], list[dict[str, Any]]]:
-    inputs = models(folder, tiny_quadruped())
-    short = Swing(frequency=4.0, seconds=0.75)
-    step = NewtonAlignment(robot="robot", environment="newton", sine=short)
-    found = run_step(step, inputs, folder / "out")
-    return found, json.loads((folder / "out/figures.json").read_text())["rows"]
-
-
 @needs_newton
 @pytest.mark.slow  # eight experiments in two engines
 def test_newton_moves_the_quadruped_as_mujoco_does(tmp_path: Path):
-    found, rows = check_newton(tmp_path)
+    short = Swing(frequency=4.0, seconds=0.75)
+    step = NewtonAlignment(robot="robot", environment="newton", sine=short)
+    found, figures = checked(step, models(tmp_path, tiny_quadruped()), tmp_path / "out")
+    rows = figures["rows"]
     assert found == []
     assert {row["verdict"] for row in rows} == {"ok"}
     judged = {row["row"] for row in rows}
@@ -308,18 +291,15 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
     weightless = Simulation(timestep=STEP, gravity=(0.0, 0.0, 0.0))
     control = Control((drive,), (), simulation=weightless)
     robot = replace(robot, tree=tree, links=tree, control=control)
-    run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", robot), folder / "out")
-    time = 1e-3 * np.arange(len(angle))
-    still = np.zeros((len(time), 3))
-    theirs = Motion(time, {"swing_joint": angle}, still, np.ones((len(time), 4)), still)
+    inputs = check_inputs(folder, robot, Mjcf(robot="r"), "mjcf")
     asked = swing("sine_as_is", Setting(STEP, weightless.gravity), SINE, SAMPLE_S)
     both = Compared(
         Alignment(robot="r", sine=WISH),
         tree,
         control,
-        lambda one: perform(folder / "out/mjcf", "r", one),
+        lambda one: perform(inputs / "mjcf", "r", one),
         {asked.name: asked},
-        {asked.name: Outcome(None, theirs)},
+        {asked.name: Outcome(None, motion("swing_joint", angle, 1e-3))},
     )
     (row,) = both.rows()
     return row

@@ -63,25 +63,33 @@ def test_a_body_whose_mesh_the_source_lacks_is_not_judged_by_the_rest(tmp_path: 
     assert weighed(made, tmp_path / "lacking", absent=("skin.obj",)) == []
 
 
-@pytest.mark.parametrize("factor", [10.0, 0.02])
-def test_a_mass_with_a_slipped_point_is_told(factor: float, tmp_path: Path):
-    tensor = tuple(v * factor for v in SOUND.inertia_com_kg_m2)
-    wrong = Inertial(WEIGHT * factor, SOUND.com_m, tensor)
-    assert rules_of(weighed(robot(wrong), tmp_path)) == ["mass.density"]
+def slipped(factor: float) -> Inertial:
+    """A mass whose decimal point slipped, with the moments of that mass."""
+    return box_inertial(WEIGHT * factor, SIZE)
 
 
-def test_a_tensor_in_other_axes_is_told(tmp_path: Path):
-    quarter = normalised_quat((1.0, 1.0, 0.0, 0.0))
-    turned = replace(SOUND, inertia_com_kg_m2=rotate_tensor(SOUND.inertia_com_kg_m2, quarter))
-    found = weighed(robot(turned), tmp_path)
-    assert rules_of(found) == ["mass.axes"]
-    assert found[0].data["angle_rad"] == pytest.approx(np.pi / 2)
+TURNED = replace(
+    SOUND,
+    inertia_com_kg_m2=rotate_tensor(SOUND.inertia_com_kg_m2, normalised_quat((1.0, 1.0, 0.0, 0.0))),
+)
 
 
-def test_a_centre_outside_of_the_part_is_told(tmp_path: Path):
-    found = weighed(robot(replace(SOUND, com_m=(0.0, 0.3, 0.0))), tmp_path)
-    assert rules_of(found) == ["mass.center"]
-    assert found[0].data["outside_m"] == pytest.approx(0.28)
+@pytest.mark.parametrize(
+    ("inertial", "rule", "measured"),
+    [
+        (slipped(10.0), "mass.density", {}),
+        (slipped(0.02), "mass.density", {}),
+        (TURNED, "mass.axes", {"angle_rad": np.pi / 2}),
+        (replace(SOUND, com_m=(0.0, 0.3, 0.0)), "mass.center", {"outside_m": 0.28}),
+    ],
+    ids=["ten times", "a fiftieth", "a tensor in other axes", "a centre outside of the part"],
+)
+def test_what_cannot_be_the_inertia_of_a_bar_is_told(
+    inertial: Inertial, rule: str, measured: dict[str, float], tmp_path: Path
+):
+    (finding,) = weighed(robot(inertial), tmp_path)
+    assert finding.rule == rule
+    assert {name: finding.data[name] for name in measured} == pytest.approx(measured)
 
 
 def test_the_total_is_compared_with_the_datasheet(tmp_path: Path):

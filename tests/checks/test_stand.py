@@ -7,6 +7,7 @@ import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from checks.engines import needs_newton, needs_physx
@@ -35,7 +36,7 @@ def check(robot: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
     return run_step(step, inputs, folder / "out")
 
 
-def figures(folder: Path) -> dict[str, object]:
+def figures(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "out/figures.json").read_text())
 
 

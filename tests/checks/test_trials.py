@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import pytest
-from robot_files import run_step, write_robot_ports
+from checks.test_stand import figures, with_base, with_drives
+from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.checks.trials import Trials
@@ -25,9 +24,7 @@ QUADRUPED = tiny_quadruped()
 
 
 def tried(robot: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
-    inputs = write_robot_ports(folder / "in", robot)
-    run_step(Mjcf(robot="tiny"), inputs, folder / "built")
-    (inputs / "mjcf").symlink_to(folder / "built" / "mjcf")
+    inputs = check_inputs(folder, robot, Mjcf(robot="tiny"), "mjcf")
     return run_step(Trials(poses=50, **fields), inputs, folder / "out")
 
 
@@ -36,9 +33,7 @@ def rules(found: list[Finding]) -> set[str]:
 
 
 def drives(**values: object) -> TinyRobot:
-    control = QUADRUPED.control
-    changed = tuple(replace(a, **values) for a in control.actuators)
-    return replace(QUADRUPED, control=replace(control, actuators=changed))
+    return with_drives(QUADRUPED, **values)
 
 
 def with_timestep(robot: TinyRobot, seconds: float) -> TinyRobot:
@@ -64,10 +59,10 @@ def wide_trunk() -> TinyRobot:
 
 def test_a_sound_robot_passes_with_figures_for_every_joint(tmp_path: Path):
     assert tried(QUADRUPED, tmp_path) == []
-    figures = json.loads((tmp_path / "out/figures.json").read_text())
-    assert len(figures["drives"]) == len(QUADRUPED.control.actuators)
-    assert figures["support_margin_m"] > 0.0
-    assert figures["settle"]["finite"]
+    measured = figures(tmp_path)
+    assert len(measured["drives"]) == len(QUADRUPED.control.actuators)
+    assert measured["support_margin_m"] > 0.0
+    assert measured["settle"]["finite"]
 
 
 def test_a_gain_in_degrees_is_a_dead_drive(tmp_path: Path):
@@ -119,8 +114,6 @@ def test_a_centre_of_mass_beyond_the_feet_is_told(tmp_path: Path):
 
 
 def test_a_file_with_hundreds_of_joints_is_not_simulated():
-    import mujoco
-
     rows = "".join(f'<body pos="{i} 0 0"><joint/><geom size="0.1"/></body>' for i in range(301))
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{rows}</worldbody></mujoco>")
     assert rules(list(Trials().examine(model, {}))) == {"trials.large"}
@@ -143,8 +136,7 @@ def test_an_untrained_policy_must_not_drive_it_to_infinity(
     stiff = drives(kp=1000.0, kd=2.0, armature=0.0, friction=0.0, damping=0.0, effort=1000.0)
     found = tried(with_timestep(stiff, timestep), tmp_path)
     assert ("trials.random_targets_diverge" in rules(found)) is explodes
-    figures = json.loads((tmp_path / "out/figures.json").read_text())["shake"]
-    assert (figures["seconds"] is not None) is explodes
+    assert (figures(tmp_path)["shake"]["seconds"] is not None) is explodes
 
 
 def test_a_simulation_that_explodes_is_an_error(tmp_path: Path):
@@ -197,14 +189,6 @@ def test_bodies_inside_one_another_are_told_with_the_exclude_to_write(tmp_path: 
         assert finding.unready == (depth > 0.005)
 
 
-def at_height(metres: float) -> TinyRobot:
-    """The quadruped so much above the place where its feet touch the floor."""
-    control = QUADRUPED.control
-    keys = tuple(replace(k, base=replace(k.base, xyz=(*k.base.xyz[:2], k.base.xyz[2] + metres)))
-                 if k.base else k for k in control.keyframes)  # fmt: skip
-    return replace(QUADRUPED, control=replace(control, keyframes=keys))
-
-
 @pytest.mark.parametrize(
     ("height", "depth", "unready"),
     [(0.0, None, False), (0.03, None, False), (-0.003, 0.003, False), (-0.02, 0.02, True)],
@@ -213,7 +197,7 @@ def test_a_robot_that_starts_in_the_floor_is_not_ready(
     height: float, depth: float | None, unready: bool, tmp_path: Path
 ):
     """Its feet are spheres: they lie as deep as the base is low."""
-    found = [f for f in tried(at_height(height), tmp_path) if f.rule == "trials.floor"]
+    found = [f for f in tried(with_base(QUADRUPED, height), tmp_path) if f.rule == "trials.floor"]
     assert {f.unready for f in found} == ({unready} if depth else set())
     for finding in found:
         assert finding.data["depth_m"] == pytest.approx(depth, abs=2e-4)
@@ -225,10 +209,6 @@ def test_a_floating_robot_without_collision_is_not_ready(tmp_path: Path):
     assert found.unready
     fixed = replace(bare, tree=replace(bare.tree, base="fixed"))
     assert "trials.nothing_touches" not in rules(tried(fixed, tmp_path / "fixed"))
-
-
-def figures(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / "out/figures.json").read_text())
 
 
 @pytest.mark.parametrize("values", [{"model": "passive"}, {"kp": 1.0, "kd": 0.1}])
@@ -272,10 +252,10 @@ def all_pairs(links: int) -> str:
 )
 def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(text: str, fits: bool):
     """Each pair of boxes that touch has 4 contacts; b and b + 1 are parent and child."""
-    figures: dict[str, object] = {}
-    found = rules(list(Trials(poses=2).examine(mujoco.MjModel.from_xml_string(text), figures)))
+    measured: dict[str, object] = {}
+    found = rules(list(Trials(poses=2).examine(mujoco.MjModel.from_xml_string(text), measured)))
     assert ("trials.memory" in found) is not fits
-    assert ("in_floor" in figures) is fits
+    assert ("in_floor" in measured) is fits
 
 
 MEDIUM = """<mujoco><option density="1000" viscosity="1"/><worldbody><body><freejoint/>
@@ -297,9 +277,9 @@ def test_a_plane_that_a_robot_brings_from_its_world_is_a_floor(height: float, de
     <geom type="plane" size="1 1 1"/><body name="leg" pos="0 0 {height}">
     <joint type="slide" axis="0 0 1"/><geom type="capsule" size=".05 .2"/></body></body></worldbody>
     <keyframe><key name="home" qpos="0"/></keyframe></mujoco>""")
-    figures: dict[str, object] = {}
-    found = list(Trials(poses=2).examine(model, figures))
+    measured: dict[str, object] = {}
+    found = list(Trials(poses=2).examine(model, measured))
     deep = [f.data["depth_m"] for f in found if f.rule == "trials.floor"]
     assert deep == ([pytest.approx(depth)] if depth else [])
     assert "trials.overlap" not in rules(found)
-    assert figures["untouched"]
+    assert measured["untouched"]
