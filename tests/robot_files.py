@@ -16,6 +16,7 @@ from tiny import TinyRobot
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets, ReadMeshes
+from assetbuild.plugin_types import Check
 from assetbuild.robot.codec import encode
 from assetbuild.robot.shapes import Mesh, MeshFile, Shapes, SourceShape, SourceShapes
 
@@ -65,6 +66,14 @@ def checked(check: Step, inputs: Path, outputs: Path) -> tuple[list[Finding], di
     """The findings of a check, and its figures."""
     findings = run_step(check, inputs, outputs)
     return findings, json.loads((outputs / "figures.json").read_text())
+
+
+def configured(check: type[Check], **keys: object) -> Check | None:
+    """The check that a recipe with these keys asks for."""
+    from assetbuild.pipeline.recipes import whole_model
+
+    head = {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": ".", "urdf": "r.urdf"}}
+    return check.configure(whole_model().model_validate(head | keys))
 
 
 def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:

@@ -9,11 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from robot_files import checked, run_step
+from robot_files import checked, configured, run_step
 
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
 from assetbuild.robot.shapes import Box, Material, Shape, Shapes, Sphere
@@ -181,5 +180,4 @@ def test_a_number_lost_after_the_source_is_an_error(
 def test_a_description_that_we_wrote_is_not_counted(key: str):
     edits = [{"set_mass": {"link": "a", "mass": 1}}] if key == "edits" else []
     source = {"path": ".", "mjcf" if key == "mjcf" else "urdf": "r.xml"}
-    recipe = {"schema": "assetbuild/v1", "robot": "r", "source": source, "edits": edits}
-    assert Counts.configure(whole_model().model_validate(recipe)) is None
+    assert configured(Counts, source=source, edits=edits) is None

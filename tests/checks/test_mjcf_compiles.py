@@ -108,6 +108,7 @@ GOOD = {
     </actuator>""",
     "key": '<keyframe><key name="home" qpos="0 0 0.3 1 0 0 0 0.9 0.9" ctrl="0.9 0.9"/></keyframe>',
 }
+# go2_mjx.xml of Menagerie at 0b2491b8 gives a drive of the front the class of the rear hips.
 SWAPPED = GOOD["actuator"].replace('"FR" class="front"', '"FR" class="back"')
 BAD = {
     "lint.grammar": {"head": '<option integrator="Euler"><flag speculative="enable"/></option>'},
@@ -121,26 +122,19 @@ BAD = {
 }
 
 
-def linted(folder: Path, **said: str) -> list[tuple[str, str]]:
+def linted(folder: Path, **said: str) -> list[str]:
     path = folder / "leg.xml"
     path.write_text(LEG.format(**GOOD | said))
-    return [(finding.rule, finding.message) for finding in lint_file(path)]
+    return [finding.rule for finding in lint_file(path)]
 
 
 @pytest.mark.parametrize("rule", BAD)
 def test_each_rule_speaks(rule: str, tmp_path: Path) -> None:
-    assert rule in {found for found, _ in linted(tmp_path, **BAD[rule])}
+    assert rule in linted(tmp_path, **BAD[rule])
 
 
 def test_a_good_file_is_not_talked_about(tmp_path: Path) -> None:
     assert linted(tmp_path) == []
-
-
-def test_menagerie_s_defect_is_named_with_both_classes(tmp_path: Path) -> None:
-    """go2_mjx.xml at 0b2491b8 gives a drive of the front the class of the rear hips."""
-    (message,) = [m for rule, m in linted(tmp_path, actuator=SWAPPED) if rule == "lint.class"]
-    assert "class `back` is for joints of range -0.4 4.3" in message
-    assert "`FR_thigh_joint` has class `front`" in message
 
 
 def test_included_files_are_read_and_what_is_no_mjcf_does_not_load(tmp_path: Path) -> None:

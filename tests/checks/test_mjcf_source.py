@@ -7,11 +7,10 @@ from pathlib import Path
 import mujoco as engine
 import pytest
 from mjcfs import TET, Written, read, write
-from robot_files import run_step
+from robot_files import configured, run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.simulators import mujoco
 
 FLOATING = """<mujoco model="r">
@@ -96,13 +95,8 @@ def test_rounding_of_a_mesh_about_its_origin_is_no_difference(
     assert bool(compared(written)) == is_found
 
 
-def test_a_geom_that_states_the_grey_of_mujoco_is_no_difference(tmp_path: Path):
-    text = """<mujoco><worldbody><body name="a"><geom size=".1"/><geom name="g" size=".2"
-    rgba=".5 .5 .5 1" contype="0" conaffinity="0" group="2"/></body></worldbody></mujoco>"""
-    written = write(read(text, tmp_path / "read"), tmp_path / "out")
-    assert compared(written) == []
-    painted = with_change(written, 'rgba="0.5 0.5 0.5 1"', 'rgba="0.5 0.5 0.6 1"')
-    assert [finding.rule for finding in compared(painted)] == ["equal.source.rgba"]
+GREY = """<mujoco><worldbody><body name="a"><geom size=".1"/><geom name="g" size=".2"
+  rgba=".5 .5 .5 1" contype="0" conaffinity="0" group="2"/></body></worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize(
@@ -122,7 +116,7 @@ def test_a_foot_without_mass_touches_what_it_touches_in_the_source(
     <body name="shank"><joint name="knee"/><geom size=".1"/>
     <body name="foot" pos="0 0 -.3"><geom size=".03" mass="0"/></body></body></body></body>
     </worldbody><contact>{exclude}</contact></mujoco>"""
-    written = write(read(text, tmp_path / "read"), tmp_path / "out")
+    written = built(text, tmp_path)
     assert ('<body name="foot"' in written.xml.read_text()) is stays
     assert compared(written) == []
 
@@ -173,6 +167,20 @@ CLOSE = """<mujoco><worldbody><body><joint/>
   <geom name="g" type="capsule" size=".02 .05" pos="0 0 .1" quat="1 0 2e-7 .2"/>
 </body></worldbody></mujoco>"""
 """MuJoCo's compiler gives the geom the frame of the inertia, 4e-7 rad away."""
+WEIGHTLESS = FLOATING.replace(
+    "<asset>", '<option><flag gravity="disable" contact="disable"/></option><asset>', 1
+)
+BUOY = """<mujoco><default><joint damping=".5" armature=".1" margin=".01"/></default><worldbody>
+  <body pos="0 0 1"><joint type="free" frictionloss=".2"/><geom size=".1"/>
+    <body><joint axis="0 1 0"/><geom size=".05" pos="0 0 .2"/></body></body>
+</worldbody></mujoco>"""
+"""A class gives a free joint damping and armature as it does hinges; its margin means nothing."""
+CART = """<mujoco><worldbody>
+  <body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
+    axis="0 1 0"/><joint name="turn"/>
+    <body name="chassis" pos="0 0 .1"><geom size=".2"/></body>
+    <body name="mast"><joint name="lift" type="slide"/><geom size=".1"/></body></body>
+</worldbody></mujoco>"""
 FACES = TET.split("f ")
 PAINTED = FACES[0] + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face in FACES[1:])
 """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
@@ -194,6 +202,10 @@ SAME = {
     "a camera, and a near plane of all cameras": (SEEN_CLOSE, TET),
     "frames that are one for MuJoCo": (CLOSE, TET),
     "frames, rests and what only MJCF says": (RICH, TET),
+    "a geom that states the grey of MuJoCo": (GREY, TET),
+    "no gravity by a flag": (WEIGHTLESS, TET),
+    "what brakes a free joint": (BUOY, TET),
+    "three joints of a base that weighs by its fixed bodies alone": (CART, TET),
 }
 
 
@@ -232,6 +244,9 @@ def test_objects_of_a_mesh_that_mujoco_leaves_out_are_told(tmp_path: Path):
          "pair rim rod", "touches"),
         (RICH, 'ctrlrange="-1 1"', 'ctrlrange="-1 2"', "actuator pull", "ctrlrange"),
         (FLOATING, "<mujoco", "<mujoco><mujoco", "robot", "load"),
+        (GREY, 'rgba="0.5 0.5 0.5 1"', 'rgba="0.5 0.5 0.6 1"', "shape g", "rgba"),
+        (WEIGHTLESS, 'gravity="0 0 0"', 'gravity="0 0 -1"', "simulation", "gravity"),
+        (BUOY, 'damping="0.5" armature', 'damping="0.4" armature', "joint body_joint", "damping"),
     ],
 )  # fmt: skip
 def test_every_lie_is_found(text: str, old: str, new: str, subject: str, rule: str, tmp_path: Path):
@@ -248,17 +263,15 @@ def test_what_the_recipe_says_itself_is_not_compared(tmp_path: Path):
     ]
     recipe = {"actuators": rows, "simulation": {"timestep": 0.001}, "mjcf": {"cone": "elliptic"}}
     written = built(FLOATING, tmp_path, **recipe)
-    given = {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": ".", "mjcf": "r.xml"}}
-    check = MjcfSource.configure(whole_model().model_validate({**given, **recipe}))
-    assert check is not None
+    check = configured(MjcfSource, source={"path": ".", "mjcf": "r.xml"}, **recipe)
+    assert isinstance(check, MjcfSource)
     assert {"actuators", "timestep", "cone"} <= set(check.stated)
     told = {finding.rule for finding in compared(written, stated=check.stated)}
     assert told == set()
     assert written.control.by_joint["hip"].kp == 7
     assert 'cone="elliptic"' in written.xml.read_text()
     assert 'timestep="0.001"' in written.xml.read_text()
-    urdf = {**given, "source": {"path": ".", "urdf": "r.urdf"}}
-    assert MjcfSource.configure(whole_model().model_validate(urdf)) is None, "no MJCF as a source"
+    assert configured(MjcfSource) is None, "no MJCF as a source"
 
 
 WALKER = """<mujoco><worldbody>
@@ -271,72 +284,26 @@ WALKER = """<mujoco><worldbody>
 @pytest.mark.parametrize("name", ["ball", "ground"])
 def test_a_robot_on_the_floor_of_its_source_gets_no_second_one(name: str, tmp_path: Path):
     """Planar walkers hang on the world by slides: its floor is part of them."""
-    written = write(read(WALKER.format(name), tmp_path / "read"), tmp_path / "write")
+    written = built(WALKER.format(name), tmp_path)
     model = mujoco.load(written.xml.with_name("scene.xml")).model
     assert list(model.geom_type).count(0) == 1
 
 
-CLOSE = """<mujoco><worldbody><body><joint/>
-  <inertial pos="0 0 .1" quat="1 0 0 .2" mass="1" diaginertia=".003 .002 .001"/>
-  <geom name="g" type="capsule" size=".02 .05" pos="0 0 .1" quat="1 0 2e-7 .2"/>
-</body></worldbody></mujoco>"""
-
-
 def test_gravity_that_a_flag_switches_off_is_none_unless_the_recipe_wants_some(tmp_path: Path):
-    head = '<option><flag gravity="disable" contact="disable"/></option>'
-    weightless = FLOATING.replace("<asset>", f"{head}<asset>", 1)
-    written = built(weightless, tmp_path / "none")
-    assert written.control.simulation.gravity == (0.0, 0.0, 0.0)
-    assert compared(written) == []
-    falls = with_change(written, 'gravity="0 0 0"', 'gravity="0 0 -1"')
-    assert "equal.source.gravity" in {finding.rule for finding in compared(falls)}
-    moon = built(weightless, tmp_path / "moon", simulation={"gravity": [0, 0, -1.62]})
+    assert built(WEIGHTLESS, tmp_path / "none").control.simulation.gravity == (0.0, 0.0, 0.0)
+    moon = built(WEIGHTLESS, tmp_path / "moon", simulation={"gravity": [0, 0, -1.62]})
     option = mujoco.load(moon.xml).model.opt
     gravity = engine.mjtDisableBit.mjDSBL_GRAVITY
     assert option.gravity[2] == -1.62 and not option.disableflags & gravity
 
 
-BUOY = """<mujoco><default><joint damping=".5" armature=".1" margin=".01"/></default><worldbody>
-  <body pos="0 0 1"><joint type="free" frictionloss=".2"/><geom size=".1"/>
-    <body><joint axis="0 1 0"/><geom size=".05" pos="0 0 .2"/></body></body>
-</worldbody></mujoco>"""
-
-
-def test_what_brakes_a_free_joint_stays(tmp_path: Path):
-    """A class gives it damping and armature as it does hinges; a limit's margin means nothing."""
-    written = write(read(BUOY, tmp_path / "read"), tmp_path / "out")
-    model = mujoco.load(written.xml).model
-    assert list(model.dof_damping[:6]) == [0.5] * 6
-    assert list(model.dof_armature[:6]) == [0.1] * 6
-    assert list(model.dof_frictionloss[:6]) == [0.2] * 6
-    assert compared(written) == []
-    brakeless = with_change(written, 'damping="0.5" armature', 'damping="0.4" armature')
-    assert "equal.source.damping" in {finding.rule for finding in compared(brakeless)}
-
-
 def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
     muscle = '<actuator><muscle joint="hip" lengthrange="-1 1"/></actuator></mujoco>'
     text = FLOATING[: FLOATING.index("<actuator>")] + muscle
-    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    written = built(text, tmp_path)
     (told,) = [f for f in written.findings if f.rule == "actuator.none"]
     assert "the source's drives (1) exist in the MJCF alone" in told.message
     assert told.severity == "warning"
-
-
-CART = """<mujoco><worldbody>
-  <body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
-    axis="0 1 0"/><joint name="turn"/>
-    <body name="chassis" pos="0 0 .1"><geom size=".2"/></body>
-    <body name="mast"><joint name="lift" type="slide"/><geom size=".1"/></body></body>
-</worldbody></mujoco>"""
-
-
-def test_what_weighs_by_its_fixed_bodies_alone_moves_on_several_joints(tmp_path: Path):
-    written = write(read(CART, tmp_path / "read"), tmp_path / "out")
-    model = mujoco.load(written.xml).model
-    assert int(model.body("base").jntnum[0]) == 3
-    assert float(model.body("base").mass[0]) == 0.0
-    assert compared(written) == []
 
 
 @pytest.mark.parametrize(("memory", "kept"), [("64M", 2**26), ("1M", None)])
@@ -344,7 +311,7 @@ def test_more_memory_than_mujoco_takes_by_itself_is_kept(
     memory: str, kept: int | None, tmp_path: Path
 ):
     text = FLOATING.replace("<worldbody>", f'<size memory="{memory}"/><worldbody>')
-    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    written = built(text, tmp_path)
     assert ("<size" in written.xml.read_text()) is (kept is not None)
     if kept is not None:
         assert int(mujoco.load(written.xml).model.narena) == kept

@@ -19,7 +19,7 @@ import pytest
 from checks.engines import needs_newton
 from newton_child import readings
 from pxr import Usd
-from robot_files import models, run_step, spoil_stage, write_robot_ports
+from robot_files import configured, models, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped, with_mimic
 
 import assetbuild
@@ -30,7 +30,6 @@ from assetbuild.cli import main
 from assetbuild.cli.smoke import environments_to_make
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Contact
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.children import ask
@@ -81,13 +80,10 @@ def test_each_fault_has_its_rule(rule: str) -> None:
 
 
 def test_nobody_is_asked_whom_the_recipe_does_not_name() -> None:
-    source = {"path": ".", "urdf": "r.urdf"}
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": source}
-    assert SmokeMjlab.configure(whole_model().model_validate(base)) is None
+    assert configured(SmokeMjlab) is None
     ranges = {"joints": {".*": {"effort": [0.9, 1.2]}}}
-    asked = {"validate": {"smoke": ["mjlab"]}, "randomize": ranges}
-    step = SmokeMjlab.configure(whole_model().model_validate(base | asked))
-    assert step is not None and step.effort_factor == 1.2
+    step = configured(SmokeMjlab, validate={"smoke": ["mjlab"]}, randomize=ranges)
+    assert isinstance(step, SmokeMjlab) and step.effort_factor == 1.2
 
 
 def test_an_environment_is_named_by_its_pins_and_counts_when_whole(

@@ -12,14 +12,13 @@ from typing import Any
 
 import pytest
 from pxr import Usd
-from robot_files import run_step, spoil_stage, write_robot_ports
+from robot_files import configured, run_step, spoil_stage, write_robot_ports
 from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, evaluate, summed_up
 from assetbuild.engine.world import World
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, MjcfOnly
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import SmokeBounds
@@ -125,10 +124,8 @@ def test_another_robot_is_told(what: str) -> None:
 def test_isaac_lab_is_asked_only_where_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    recipe = whole_model().model_validate(said | {"validate": {"smoke": ["isaaclab"]}})
-    step = SmokeIsaacLab.configure(recipe)
-    assert step is not None
+    step = configured(SmokeIsaacLab, validate={"smoke": ["isaaclab"]})
+    assert isinstance(step, SmokeIsaacLab)
     monkeypatch.setenv("ASSETBUILD_ISAACLAB", str(tmp_path / "nothing"))
     missing = step.missing(World())
     assert "`assetbuild smoke RECIPE --consumer isaaclab`" in missing

@@ -10,12 +10,11 @@ from pathlib import Path
 import mujoco
 import pytest
 from checks.test_stand import figures, with_base, with_drives
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs, configured, run_step, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.shapes import Box, Shapes
 from assetbuild.simulators.mujoco.trials import energy_drift, support
 from assetbuild.targets.mjcf import Mjcf
@@ -91,10 +90,8 @@ def test_a_drive_that_is_as_weak_in_its_own_mjcf_is_a_warning(
 def test_the_recipe_says_whose_the_drives_are_and_who_sees_it_fall(
     words: dict, inherited: bool, alone: bool
 ):
-    source = {"path": ".", "mjcf": "robot.xml"}
-    recipe = {"schema": "assetbuild/v1", "robot": "robot", "source": source, **words}
-    step = Trials.configure(whole_model().model_validate(recipe))
-    assert step is not None
+    step = configured(Trials, source={"path": ".", "mjcf": "robot.xml"}, **words)
+    assert isinstance(step, Trials)
     assert (step.inherited, step.alone) == (inherited, alone)
 
 
