@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from robot_files import run_step, write_robot_ports
+from robot_files import check_inputs
 from tiny import TinyRobot, ball_inertial, box_inertial
 
 from assetbuild.edits.share_mass import ShareMass
@@ -39,23 +40,35 @@ def base(kind: JointKind, axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) ->
     return Tree("car", "fixed", bodies, joints)
 
 
-def split(tree: Tree) -> Tree:
-    return SplitJoint(joint="base").edit(tree, SourceShapes(), Files(Path(), Path())).tree
+def edited(tree: Tree, edit: SplitJoint | ShareMass) -> tuple[Tree, tuple[Finding, ...]]:
+    done = edit.edit(tree, SourceShapes(), Files(Path(), Path()))
+    return done.tree, done.findings
+
+
+def split(tree: Tree) -> tuple[Tree, tuple[Finding, ...]]:
+    return edited(tree, SplitJoint(joint="base"))
 
 
 def compiled(tree: Tree, folder: Path) -> mujoco.MjModel:
-    inputs = write_robot_ports(folder, TinyRobot(tree, tree, Shapes(), Control()))
-    run_step(Mjcf(robot="car"), inputs, inputs)
-    return mujoco.MjModel.from_xml_path(str(inputs / "mjcf/car.xml"))
+    robot = TinyRobot(tree, tree, Shapes(), Control())
+    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    return mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
+
+
+def mass_matrix_of(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), TILTED])
 def test_a_planar_joint_is_what_the_mjcf_made_of_it_before(axis, tmp_path: Path):
     """Names, masses and motion of the two compiled models."""
-    before, after = base("planar", axis), split(base("planar", axis))
-    one, other = compiled(before, tmp_path / "a"), compiled(after, tmp_path / "b")
-    assert [one.joint(i).name for i in range(4)] == ["base_x", "base_y", "base_yaw", "arm"]
-    assert [other.joint(i).name for i in range(4)] == ["base_x", "base_y", "base_yaw", "arm"]
+    before = base("planar", axis)
+    one, other = compiled(before, tmp_path / "a"), compiled(split(before)[0], tmp_path / "b")
+    for model in (one, other):
+        assert [model.joint(i).name for i in range(4)] == ["base_x", "base_y", "base_yaw", "arm"]
     a, b = mujoco.MjData(one), mujoco.MjData(other)
     a.qvel[:] = b.qvel[:] = (1.0, -0.5, 2.0, 0.3)
     for _ in range(200):
@@ -67,24 +80,20 @@ def test_a_planar_joint_is_what_the_mjcf_made_of_it_before(axis, tmp_path: Path)
 @pytest.mark.parametrize("kind", ["ball", "floating"])
 def test_the_angles_reach_every_orientation(kind: JointKind, tmp_path: Path):
     """A mass matrix of full rank away from the pose in which two axes are one."""
-    model = compiled(split(base(kind)), tmp_path)
+    model = compiled(split(base(kind))[0], tmp_path)
     data = mujoco.MjData(model)
     data.qpos[:] = np.random.default_rng(0).uniform(-1.0, 1.0, model.nq)
-    mujoco.mj_forward(model, data)
-    matrix = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, matrix)
-    assert np.linalg.cond(matrix) < 1e5
+    assert np.linalg.cond(mass_matrix_of(model, data)) < 1e5
     assert model.nv == {"ball": 4, "floating": 7}[kind]
 
 
 def test_what_changes_is_reported():
-    done = SplitJoint(joint="base").edit(base("planar"), SourceShapes(), Files(Path(), Path()))
-    (finding,) = done.findings
+    _, (finding,) = split(base("planar"))
     assert (finding.rule, finding.severity) == ("edit.split_joint", "info")
     assert finding.data["links"] == ("base_x_link", "base_y_link")
     tree = base("ball")
     tree = replace(tree, joints=(replace(tree.joints[0], damping=1.0), tree.joints[1]))
-    (finding,) = SplitJoint(joint="base").edit(tree, SourceShapes(), Files(Path(), Path())).findings
+    _, (finding,) = split(tree)
     assert finding.severity == "warning"
     assert "damping and friction are left out" in finding.message
     assert "90 degrees" in finding.message
@@ -121,24 +130,18 @@ def hip(kind: str = "revolute") -> Tree:
     return Tree("hip", "floating", bodies, joints)
 
 
-def shared(tree: Tree, link: str = "yaw|roll") -> tuple[Tree, tuple[Finding, ...]]:
-    done = ShareMass(link=link).edit(tree, SourceShapes(), Files(Path(), Path()))
-    return done.tree, done.findings
+def shared(tree: Tree, link: str = "yaw|roll", **more: float) -> tuple[Tree, tuple[Finding, ...]]:
+    return edited(tree, ShareMass(link=link, **more))
 
 
 def dynamics(tree: Tree, folder: Path) -> list[np.ndarray]:
     """Mass matrix and bias force at random poses and speeds, by MuJoCo on our MJCF."""
-    inputs = write_robot_ports(folder, TinyRobot(tree, tree, Shapes(), Control()))
-    run_step(Mjcf(robot="hip"), inputs, inputs)
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/hip.xml"))
+    model = compiled(tree, folder)
     data, random, found = mujoco.MjData(model), np.random.default_rng(0), []
     for _ in range(10):
         data.qpos[7:] = random.uniform(-1.0, 1.0, model.nq - 7)
         data.qvel[:] = random.uniform(-2.0, 2.0, model.nv)
-        mujoco.mj_forward(model, data)
-        matrix = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, matrix)
-        found += [matrix, data.qfrc_bias.copy()]
+        found += [mass_matrix_of(model, data), data.qfrc_bias.copy()]
     return found
 
 
@@ -158,16 +161,21 @@ def test_mass_matrix_and_forces_are_the_same(kind: str, tmp_path: Path):
         assert b == pytest.approx(a, rel=1e-8, abs=1e-8)
 
 
-def test_a_link_that_is_not_between_is_refused():
-    with pytest.raises(RecipeError, match="link `leg` is no massless link"):
-        shared(hip(), "leg")
+FLAT = Body("leg", replace(ball_inertial(1.0, 0.1), inertia_com_kg_m2=(1.0, 1.0, 3.0, 0, 0, 0)))
 
 
-def test_a_body_that_is_not_solid_is_refused():
-    flat = Body("leg", replace(ball_inertial(1.0, 0.1), inertia_com_kg_m2=(1.0, 1.0, 3.0, 0, 0, 0)))
-    tree = replace(hip(), bodies=(*hip().bodies[:3], flat))
-    with pytest.raises(RecipeError, match="not those of a solid body"):
-        shared(tree)
+@pytest.mark.parametrize(
+    ("tree", "fields", "words"),
+    [
+        (hip(), {"link": "leg"}, "link `leg` is no massless link"),
+        (replace(hip(), bodies=(*hip().bodies[:3], FLAT)), {}, "not those of a solid body"),
+        (hip(), {"moments": 1.0}, "those of the whole link `leg`"),
+    ],
+    ids=["not between", "not solid", "more than there is"],
+)
+def test_mass_that_cannot_be_shared_is_refused(tree: Tree, fields: dict[str, Any], words: str):
+    with pytest.raises(RecipeError, match=words):
+        shared(tree, **fields)
 
 
 def test_an_end_without_mass_shares_that_of_what_fixed_joints_hold(tmp_path: Path):
@@ -184,20 +192,13 @@ def test_an_end_without_mass_shares_that_of_what_fixed_joints_hold(tmp_path: Pat
     tree = replace(tree, bodies=bodies, joints=(*tree.joints, *fixed))
     after, findings = shared(tree)
     assert findings[0].subject == "link shank" and after.by_body["yaw"].inertial
-    for one, other in zip(
-        dynamics(tree, tmp_path / "a"), dynamics(after, tmp_path / "b"), strict=True
-    ):
-        np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-8)
+    for a, b in zip(dynamics(tree, tmp_path / "a"), dynamics(after, tmp_path / "b"), strict=True):
+        assert b == pytest.approx(a, rel=1e-6, abs=1e-8)
 
 
 def test_stated_moments_are_those_of_the_links_and_the_finding_tells_what_they_add():
-    done = ShareMass(link="yaw|roll", moments=2e-10).edit(
-        hip(), SourceShapes(), Files(Path(), Path())
-    )
-    moments = [done.tree.by_body[link].inertial for link in ("yaw", "roll")]
+    tree, (finding,) = shared(hip(), moments=2e-10)
+    moments = [tree.by_body[link].inertial for link in ("yaw", "roll")]
     assert [made.inertia_com_kg_m2[:3] for made in moments if made] == [(2e-10,) * 3] * 2
-    assert "2e-10 kg m², add 2" in done.findings[0].message
+    assert "2e-10 kg m², add 2" in finding.message
     assert "the motion is the same" in shared(hip())[1][0].message
-    whole = ShareMass(link="yaw|roll", moments=1.0)
-    with pytest.raises(RecipeError, match="those of the whole link `leg`"):
-        whole.edit(hip(), SourceShapes(), Files(Path(), Path()))

@@ -166,18 +166,18 @@ def test_a_loop_takes_no_joint_of_the_arm_into_the_hand(tmp_path: Path) -> None:
     assert fingers == {"left", "right", "rod"}
 
 
-def test_what_turns_about_its_own_axis_is_no_hand(tmp_path: Path) -> None:
-    flange = """<body name="flange" pos="0 0 .01"><joint name="roll" axis="0 0 1" range="-3 3"
-    damping=".1"/><geom type="cylinder" size=".02 .02" mass=".05"/></body>"""
-    assert found(robot(flange, ["roll"], tmp_path))[1] == []
+FLANGE = """<body name="flange" pos="0 0 .01"><joint name="roll" axis="0 0 1" range="-3 3"
+damping=".1"/><geom type="cylinder" size=".02 .02" mass=".05"/></body>"""
+"""It turns about its own axis."""
+ELBOW = """<geom type="capsule" size=".02" fromto="0 0 0 0 0 .4" mass="1"/>
+<body name="forearm" pos="0 0 .45"><joint name="elbow" axis="1 0 0" range="0 3" damping=".1"/>
+<geom type="capsule" size=".02" fromto="0 0 .03 0 0 .4" mass=".5"/></body>"""
+"""Its end comes near to the upper arm, but it is as long as an arm."""
 
 
-def test_an_elbow_that_folds_is_no_hand(tmp_path: Path) -> None:
-    """Its end comes near to the upper arm, but it is as long as an arm."""
-    elbow = """<geom type="capsule" size=".02" fromto="0 0 0 0 0 .4" mass="1"/>
-    <body name="forearm" pos="0 0 .45"><joint name="elbow" axis="1 0 0" range="0 3" damping=".1"/>
-    <geom type="capsule" size=".02" fromto="0 0 .03 0 0 .4" mass=".5"/></body>"""
-    assert found(robot(elbow, ["elbow"], tmp_path))[1] == []
+@pytest.mark.parametrize(("inside", "joint"), [(FLANGE, "roll"), (ELBOW, "elbow")])
+def test_a_flange_or_an_elbow_is_no_hand(inside: str, joint: str, tmp_path: Path) -> None:
+    assert found(robot(inside, [joint], tmp_path))[1] == []
 
 
 def test_two_fingers_with_a_drive_each_are_a_hand(tmp_path: Path) -> None:

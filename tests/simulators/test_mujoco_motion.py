@@ -11,7 +11,7 @@ import mujoco as engine
 import numpy as np
 import pytest
 from checks.engines import needs_physx
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs
 from tiny import TinyRobot, box_inertial, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.checks._mujoco import Loops
@@ -35,7 +35,6 @@ from assetbuild.simulators.experiments import (
 )
 from assetbuild.simulators.loops import LoopSwing, about_closed, trial
 from assetbuild.simulators.mujoco import motion
-from assetbuild.simulators.mujoco.motion import perform as mujoco_perform
 from assetbuild.simulators.stages import perform_on_stages
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd
@@ -43,6 +42,11 @@ from assetbuild.targets.usd import Usd
 
 def in_physx(main: Path, runs: list[Experiment], seconds: float = 240.0) -> dict[str, Outcome]:
     return perform_on_stages(physx.PhysxCheck.start, main, runs, seconds)
+
+
+def written(robot: TinyRobot, folder: Path) -> Path:
+    """Its MJCF."""
+    return check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf") / "mjcf/robot.xml"
 
 
 def swung(path: Path, sine: Sine, step: float) -> Motion:
@@ -62,9 +66,7 @@ def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
         keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
         control = robot.control if base == "floating" else replace(robot.control, keyframes=keys)
         bot = replace(robot, tree=tree, links=replace(robot.links, base=base), control=control)
-        folder = tmp_path / base
-        run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", bot), folder / "out")
-        path = folder / "out/mjcf/r.xml"
+        path = written(bot, tmp_path / base)
         assert motion.held_model(path).nv == len(robot.tree.moving_joints)
         tracks.append(swung(path, sine, 0.002))
     held, bolted = tracks
@@ -79,8 +81,7 @@ def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
     fat = Shape("fat", "FR_hip", "collision", Box((1.0, 1.0, 1.0)))
     shapes = replace(robot.shapes, shapes=(*robot.shapes.shapes, fat))
     bot = replace(robot, shapes=shapes)
-    run_step(Mjcf(robot="r"), write_robot_ports(tmp_path / "in", bot), tmp_path / "out")
-    path = tmp_path / "out/mjcf/r.xml"
+    path = written(bot, tmp_path)
     touching = []
     for model in (mujoco.load(path).model, motion.held_model(path)):
         data = engine.MjData(model)
@@ -98,8 +99,7 @@ def test_a_drive_of_speeds_follows_the_speed_of_the_sine(tmp_path: Path) -> None
     robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
     sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.0)
     assert sine.speeds == {drive.joint}
-    run_step(Mjcf(robot="r"), write_robot_ports(tmp_path / "in", robot), tmp_path / "out")
-    moved = swung(tmp_path / "out/mjcf/r.xml", sine, 0.001)
+    moved = swung(written(robot, tmp_path), sine, 0.001)
     width = sine.swing[drive.joint]
     wanted = sine.middle[drive.joint] + width * np.sin(2.0 * np.pi * moved.time)
     assert width > 0.0
@@ -189,8 +189,7 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
     run = Experiment("m", setting, steps=1500, every=5, start=sine.middle, sine=sine)
     theirs = in_physx(built(robot, tmp_path / "usd"), [run])["m"].motion
     assert theirs is not None
-    inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
-    ours = mujoco_perform(inputs / "mjcf", "robot", run).motion
+    ours = motion.perform(written(robot, tmp_path / "mjcf").parent, "robot", run).motion
     assert ours is not None
     for name in sine.speeds:
         response = compare_response(sine, name, ours, theirs)
