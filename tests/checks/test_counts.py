@@ -73,10 +73,7 @@ def test_a_lost_shape_is_an_error(tmp_path: Path, lost: str, rule: str, subject:
 
 @pytest.mark.parametrize(
     "rules",
-    [
-        (("foot", "none", "auto"), (".*", "auto", "auto")),
-        ((".*", "hull", "collision"),),
-    ],
+    [(("foot", "none", "auto"), (".*", "auto", "auto")), ((".*", "hull", "collision"),)],
     ids=["no collision wanted", "from collision shapes alone"],
 )
 def test_collision_that_the_recipe_does_not_want_is_not_missed(tmp_path: Path, rules):
@@ -139,17 +136,10 @@ def with_joint(name: str, change: Callable[[Joint], Joint]) -> Callable[[Tree], 
 
 
 @pytest.mark.parametrize(
-    "file",
-    [
-        "every_kind.urdf",
-        "four_legs.urdf",
-        "inertia_rotated_origin.urdf",
-        "placeholder_root.urdf",
-        "",
-    ],
+    "file", ["every_kind", "four_legs", "inertia_rotated_origin", "placeholder_root", ""]
 )
 def test_every_number_of_the_source_is_in_the_robot(file: str, tmp_path: Path):
-    text = (ROBOTS / file).read_text() if file else HELD
+    text = (ROBOTS / f"{file}.urdf").read_text() if file else HELD
     assert held_against_its_source(text, tmp_path) == []
     assert json.loads((tmp_path / "out/figures.json").read_text())["facts"] >= 4
 
