@@ -6,17 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
-from robot_files import run_step, write_robot_ports
+from robot_files import check_inputs, checked, run_step, write_robot_ports
 from tiny import TinyRobot, pendulum, tiny_quadruped
+from urdfs import inertial, joint, link, read, robot, tensor
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks._pinocchio import Oracle
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Actuator, Control, Tree
-from assetbuild.robot.shapes import MeshFile, Shape, Shapes, SourceShapes
-from assetbuild.source.urdf.read_urdf import ReadUrdf
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Actuator, Base, Control, Tree
+from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 
@@ -40,14 +40,9 @@ BY_HAND = """
 """
 
 
-def robot_folder(urdf: str | bytes, folder: Path, base: str = "floating") -> Path:
+def robot_folder(urdf: str | bytes, folder: Path, base: Base = "floating") -> Path:
     """links.json, tree.json and source.urdf of a description."""
-    folder.mkdir(parents=True, exist_ok=True)
-    data = urdf.encode() if isinstance(urdf, str) else urdf
-    for name in ("robot.urdf", "source.urdf"):
-        (folder / name).write_bytes(data)
-    packages = {"example-robot-data": ".", "robot_pkg": "."}
-    run_step(ReadUrdf(file="a/b/c.urdf", base=base, packages=packages), folder, folder)  # type: ignore[arg-type] # a literal
+    read(urdf, folder, base=base)
     run_step(MergeFixedJoints(), folder, folder)
     return folder
 
@@ -63,17 +58,11 @@ def by_hand(robots: Path, folder: Path, mjcf: str = BY_HAND) -> list[Finding]:
 
 def by_target(folder: Path) -> list[Finding]:
     """With our own MJCF target, geometry aside."""
-    tree = decode(Tree, (folder / "tree.json").read_bytes())
-    shapes = decode(SourceShapes, (folder / "shapes.json").read_bytes())
-    simple = tuple(s for s in shapes.shapes if not isinstance(s.geometry, MeshFile))
-    (folder / "shapes.json").write_bytes(
-        encode(Shapes(tuple(Shape(**vars(s)) for s in simple), shapes.materials))
-    )
+    links, tree = (decode(Tree, (folder / f"{n}.json").read_bytes()) for n in ("links", "tree"))
     drives = tuple(
         Actuator(j.name, "pd", 50.0, 2.0, 0.1, 0.2, 0.01, 10.0, 10.0) for j in tree.moving_joints
     )
-    (folder / "control.json").write_bytes(encode(Control(drives)))
-    (folder / "meshes").mkdir()
+    write_robot_ports(folder, TinyRobot(links, tree, Shapes(), Control(drives)))
     run_step(Mjcf(robot="bot"), folder, folder)
     return run_step(Oracle(robot="bot"), folder, folder)
 
@@ -121,7 +110,7 @@ def test_a_wrong_mjcf_is_found_out(
 
 @pytest.mark.parametrize("name", ["placeholder_root", "every_kind"])
 @pytest.mark.parametrize("base", ["floating", "fixed"])
-def test_our_own_target_writes_the_source(name: str, base: str, robots: Path, tmp_path: Path):
+def test_our_own_target_writes_the_source(name: str, base: Base, robots: Path, tmp_path: Path):
     folder = robot_folder(_mass_everywhere((robots / f"{name}.urdf").read_text()), tmp_path, base)
     assert by_target(folder) == []
 
@@ -133,29 +122,23 @@ def _mass_everywhere(text: str) -> str:
     return text.replace('<link name="thumb"/>', f'<link name="thumb">{inertial}</link>')
 
 
-ON_THE_WALL = """<robot name="r">
-  <link name="plate"/>
-  <link name="arm"><inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>
-    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>
-  <joint name="hinge" type="revolute"><parent link="plate"/><child link="arm"/>
-    <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-1" upper="1"/></joint>
-</robot>"""
+HEAVY = inertial(2.0, tensor(0.02, 0.02, 0.01), "0.1 0 0.2")
+SPECK = inertial(1e-12, tensor(1e-14, 1e-14, 1e-14))
+"""An armature of 0.01 kg m² is 1e12 times what the link itself has."""
+
+
+def on_the_wall(*more: str, kind: str = "revolute", arm: str = HEAVY) -> str:
+    hinge = joint("hinge", "plate", "arm", kind, '<limit lower="-1" upper="1"/>', xyz="0 0 0.1")
+    return robot('<link name="plate"/>', link("arm", arm), hinge, *more)
 
 
 HARDLY_TURNED = """<link name="eye"/><joint name="eye_mount" type="fixed"><parent link="plate"/>
-  <child link="eye"/><origin xyz="0 0.4 0" rpy="1e-7 0 0"/></joint></robot>"""
-
-
-def speck(kind: str) -> str:
-    """Armature of 0.2 kg m² is 1e12 times what the link itself has."""
-    text = ON_THE_WALL.replace("revolute", kind).replace('xyz="0.1 0 0.2"', 'xyz="0 0 0"')
-    text = text.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
-    return text.replace('"0.01"', '"1e-14"')
+  <child link="eye"/><origin xyz="0 0.4 0" rpy="1e-7 0 0"/></joint>"""
 
 
 @pytest.mark.parametrize(
     "text",
-    [ON_THE_WALL.replace("</robot>", HARDLY_TURNED), speck("revolute"), speck("prismatic")],
+    [on_the_wall(HARDLY_TURNED), on_the_wall(arm=SPECK), on_the_wall(kind="prismatic", arm=SPECK)],
     ids=["a frame hardly turned", "a speck that turns", "a speck that slides"],
 )
 def test_small_numbers_and_limits_without_effort_are_compared(text: str, tmp_path: Path):
@@ -166,7 +149,7 @@ def test_small_numbers_and_limits_without_effort_are_compared(text: str, tmp_pat
 
 
 def test_what_cannot_be_compared_is_told(robots: Path, tmp_path: Path):
-    planar = robot_folder(ON_THE_WALL.replace("revolute", "planar"), tmp_path / "a", "fixed")
+    planar = robot_folder(on_the_wall(kind="planar"), tmp_path / "a", "fixed")
     (finding,) = run_step(Oracle(robot="bot"), planar, planar)
     assert (finding.rule, finding.severity) == ("oracle.unsupported", "info")
     folder = robot_folder((robots / "placeholder_root.urdf").read_bytes(), tmp_path / "b")
@@ -176,7 +159,7 @@ def test_what_cannot_be_compared_is_told(robots: Path, tmp_path: Path):
 
 
 def test_an_mjcf_that_hangs_elsewhere_is_another_robot_unless_the_urdf_says_so(tmp_path: Path):
-    folder = robot_folder(ON_THE_WALL, tmp_path, "fixed")
+    folder = robot_folder(on_the_wall(), tmp_path, "fixed")
     assert by_target(folder) == []
     xml = folder / "mjcf/bot.xml"
     text = xml.read_text()
@@ -195,25 +178,13 @@ def test_an_mjcf_that_hangs_elsewhere_is_another_robot_unless_the_urdf_says_so(t
 # --- yourdfpy on the written URDF ----------------------------------------------------------------
 
 
-def check(robot: TinyRobot, tmp_path: Path, *edits: tuple[str, str]) -> list[Finding]:
-    """Emit, change the file by `edits`, and check."""
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    run_step(Urdf(robot="bot"), inputs, inputs)
-    path = inputs / "urdf/bot.urdf"
-    text = path.read_text()
-    for old, new in edits:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path.write_text(text)
-    return run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
-
-
-@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
-def test_what_we_write_moves_as_the_robot(robot: TinyRobot, tmp_path: Path):
-    assert check(robot, tmp_path) == []
-    figures = json.loads((tmp_path / "out/figures.json").read_text())
-    assert figures["links"] == len(robot.links.bodies)
-    assert figures["kinematics_error"] < 1e-12
+@pytest.mark.parametrize("bot", [tiny_quadruped(), pendulum()])
+def test_what_we_write_moves_as_the_robot(bot: TinyRobot, tmp_path: Path):
+    inputs = check_inputs(tmp_path, bot, Urdf(robot="bot"), "urdf")
+    findings, measured = checked(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
+    assert findings == []
+    assert measured["links"] == len(bot.links.bodies)
+    assert measured["kinematics_error"] < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -226,7 +197,10 @@ def test_what_we_write_moves_as_the_robot(robot: TinyRobot, tmp_path: Path):
     ],
 )
 def test_a_wrong_file_is_found_out(rule: str, old: str, new: str, tmp_path: Path):
-    findings = check(tiny_quadruped(), tmp_path, (old, new))
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Urdf(robot="bot"), "urdf")
+    path = inputs / "urdf/bot.urdf"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    findings, _ = checked(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
     assert {f.rule for f in findings} == {f"urdf.kinematics.{rule}"}
     assert {f.severity for f in findings} == {"error"}
-    assert (tmp_path / "out/figures.json").is_file()
