@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from robot_files import run_step
-from tiny import standing_height, tiny_quadruped
+from tiny import standing_height, tiny_quadruped, with_mimic
 
 from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
@@ -16,7 +16,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Body, Control, Joint, Limits, Mimic, Tree
+from assetbuild.robot.model import Control, Limits, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Mesh, MeshAsset, Shape, Shapes, Sphere
 
@@ -140,27 +140,14 @@ def test_angles_that_a_joint_does_not_reach_or_that_are_degrees_are_told(
             }  # fmt: skip
 
 
-def gripper() -> Tree:
-    limits = Limits(0.0, 0.05, effort=1.0)
-    left = Joint("left", "prismatic", "palm", "l", axis=(0.0, 1.0, 0.0), limits=limits)
-    right = Joint(
-        "right",
-        "prismatic",
-        "palm",
-        "r",
-        axis=(0, -1.0, 0.0),
-        limits=limits,
-        mimic=Mimic("left", 2.0),
-    )
-    return Tree("gripper", "fixed", (Body("palm"), Body("l"), Body("r")), (left, right))
+LED = with_mimic(tiny_quadruped(), "FL_thigh_joint", "FR_thigh_joint", 8.0, 0.0).tree
 
 
 def test_mimic_joints_follow_and_are_checked_too(run):
-    said = recipe(keyframes={"open": {"joints": {".*": 0.04}}})
-    control, findings = run(gripper(), Shapes(), said)
-    assert control.keyframes[0].joints == (("left", 0.04), ("right", 0.08))
-    assert findings["keyframe.limits"].subject == "joint right"
-    assert findings["keyframe.limits"].hint == "it follows `left`"
+    control, findings = run(LED, FEET, recipe(keyframes={"home": {"joints": HOME}}))
+    assert dict(control.keyframes[0].joints)["FL_thigh_joint"] == 6.4
+    assert findings["keyframe.limits"].subject == "joint FL_thigh_joint"
+    assert findings["keyframe.limits"].hint == "it follows `FR_thigh_joint`"
 
 
 @pytest.mark.parametrize(
@@ -168,7 +155,7 @@ def test_mimic_joints_follow_and_are_checked_too(run):
     [
         (TREE, {".*_kalf": 1.0}, ".*_kalf", "matches no moving joint"),
         (TREE, {"FL_.*": 1, ".*_calf_.*": 2}, ".*_calf_.*", "`FL_calf_joint` is matched by"),
-        (gripper(), {"right": 0.01}, "right", "mimic others"),
+        (LED, {"FL_thigh_joint": 0.1}, "FL_thigh_joint", "mimic others"),
     ],
 )
 def test_a_pattern_of_no_joint_two_or_a_follower_is_an_error_with_its_key(tree, joints, key, said):

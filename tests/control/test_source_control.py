@@ -15,9 +15,8 @@ from tiny import pendulum, tiny_quadruped
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Body, Contact, Control, Joint, MjcfOnly, Tree
-from assetbuild.robot.pose import IDENTITY
-from assetbuild.robot.shapes import Shape, Shapes, SourceShapes, Sphere
+from assetbuild.robot.model import Contact, Control, MjcfOnly
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.sides import Side
 from assetbuild.robot.softness import CouplingError, LimitError, softened
 from assetbuild.robot.tree import merge_fixed_joints
@@ -144,32 +143,23 @@ def test_a_drive_whose_joint_the_recipe_moves_is_sent_there(tmp_path: Path):
     assert 'ctrl="0.25"' in moved.xml.read_text()
 
 
-NAMES = ("trunk", "thigh", "shank", "foot")
-JOINTS = tuple(
-    Joint(f"to_{child}", kind, parent, child, IDENTITY)
-    for parent, child, kind in zip(
-        NAMES, NAMES[1:], ("continuous", "continuous", "fixed"), strict=False
-    )
-)
-LINKS = Tree("leg", "floating", tuple(map(Body, NAMES)), JOINTS)
-SHAPES = Shapes(tuple(Shape(n, n, "collision", Sphere(0.1), IDENTITY, None) for n in NAMES))
-
-
 @pytest.mark.parametrize(
     ("excludes", "merge", "lost"),
     [
-        ([("shank", "trunk")], True, ["pair shank trunk"]),
-        ([("shank", "trunk")], False, []),
-        ([("shank", "trunk"), ("foot", "trunk")], True, []),
-        ([("shank", "thigh")], True, []),
+        ([("FR_calf", "trunk")], True, ["pair FR_calf trunk"]),
+        ([("FR_calf", "trunk")], False, []),
+        ([("FR_calf", "trunk"), ("FR_foot", "trunk")], True, []),
+        ([("FR_calf", "FR_thigh")], True, []),
     ],
 )
 def test_what_no_longer_touches_is_reported(
     excludes: list[tuple[str, str]], merge: bool, lost: list[str]
 ):
-    tree, _ = merge_fixed_joints(LINKS, merge, ())
-    found = [(finding.rule, finding.subject) for finding in wider_excludes(excludes, tree, SHAPES)]
-    assert found == [("mjcf.wider_exclude", pair) for pair in lost]
+    """A foot that is merged into the calf, or is not."""
+    robot = tiny_quadruped()
+    tree, _ = merge_fixed_joints(robot.links, merge, ())
+    found = wider_excludes(excludes, tree, robot.shapes)
+    assert [(f.rule, f.subject) for f in found] == [("mjcf.wider_exclude", pair) for pair in lost]
 
 
 LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
