@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 from pxr import Usd
 from robot_files import configured, run_step, spoil_stage, write_robot_ports
-from tiny import TinyRobot, pendulum, tiny_quadruped
+from tiny import TinyRobot, pendulum, sprung, tiny_quadruped
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, evaluate, summed_up
 from assetbuild.engine.world import World
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Actuator, MjcfOnly
+from assetbuild.robot.model import Actuator
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import SmokeBounds
 from assetbuild.simulators.readings import FALL, FORMAT, HEIGHT, fall_m
@@ -58,21 +58,14 @@ def found(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> list[Finding]:
     return list(evaluate(answer, robot.tree, robot.control, bounds, "newton"))
 
 
-def loose() -> TinyRobot:
-    """A pendulum with a spring and without a drive."""
-    robot = pendulum()
-    spring = MjcfOnly("joint", '<joint stiffness="0.5"/>', HINGE)
-    return replace(robot, control=replace(robot.control, actuators=(), mjcf_only=(spring,)))
-
-
 HINGE = pendulum().tree.moving_joints[0].name
 
 
 def test_the_robot_itself_is_no_finding() -> None:
     """The stiffness of a joint without a drive is that of its spring."""
     assert found(tiny_quadruped()) == found(pendulum()) == []
-    assert found(loose(), lambda facts: facts.update({("joint", HINGE, "kp"): 0.5})) == []
-    (told,) = found(loose(), times(("joint", HINGE, "damping"), 1.0))
+    assert found(sprung(), lambda facts: facts.update({("joint", HINGE, "kp"): 6.0})) == []
+    (told,) = found(sprung(), lambda facts: facts.update({("joint", HINGE, "kp"): 5.0}))
     assert told.rule == "equal.isaaclab_newton.kp"
 
 
