@@ -8,9 +8,8 @@ import pytest
 from logs import JOINTS, RATE_HZ, chirps, columns_of, read, write_csv
 
 from assetbuild.errors import StepError
+from assetbuild.identify import table
 from assetbuild.identify.fit_logs import read_records
-from assetbuild.identify.read_log import ReadLog
-from assetbuild.identify.table import _csv
 from assetbuild.robot.identify import Columns
 
 
@@ -122,8 +121,6 @@ def test_a_few_dropped_samples_cut_the_log_in_two(tmp_path, good):
 
 
 def test_a_log_without_end_is_refused_after_so_many_rows(tmp_path, good, monkeypatch):
-    from assetbuild.identify import table
-
     monkeypatch.setattr(table, "MOST_ROWS", 1000)
     monkeypatch.setattr(table, "BLOCK", 20_000)
     assert "more than 1,000 rows" in refused(tmp_path, good)
@@ -135,30 +132,16 @@ def test_an_interval_is_all_that_is_read(tmp_path, good):
     assert len(record["position_0"]) == pytest.approx(3 * RATE_HZ, abs=1)
 
 
-def test_a_row_that_is_wider_than_the_header_is_refused_with_its_line(tmp_path):
-    """A comma at the end of a line is none too many."""
-    path = tmp_path / "log.csv"
-    path.write_text("time,a\n0,1,\n1,2\n")
-    assert np.concatenate(list(_csv(path, "log.csv", ("a",)))).tolist() == [[1.0], [2.0]]
-    path.write_text("time,a\n0,1\n1,2,3\n")
-    with pytest.raises(StepError, match=r"log.csv:3: 3 cells, but the header names 2"):
-        list(_csv(path, "log.csv", ("a",)))
-
-
 def test_an_episode_of_what_has_none_is_refused(tmp_path, good):
     assert "only a Parquet file has an `episode`" in refused(tmp_path, good, episode=3)
 
 
 def test_two_joints_need_two_columns(tmp_path, good):
     with pytest.raises(StepError, match="would be read for several joints"):
-        ReadLog(
-            file="log.csv", joints=JOINTS, columns=Columns(position="position_shoulder")
-        )._names()
+        read(tmp_path, good, columns=Columns(position="position_shoulder"))
 
 
 def test_a_file_without_lines_is_not_read_to_its_end(tmp_path, good, monkeypatch):
-    from assetbuild.identify import table
-
     monkeypatch.setattr(table, "BLOCK", 20_000)
     write_csv(tmp_path / "log", good)
     head = (tmp_path / "log").read_bytes().partition(b"\n")[0]

@@ -199,9 +199,22 @@ def test_a_broken_file(episode):
         read_columns(episode, episode.name, COLUMNS_OF_PARQUET, None, 1.0)
 
 
-@pytest.mark.parametrize("cell", ["", "late"])
-def test_a_row_without_a_time_is_not_left_out_by_an_interval(tmp_path, cell):
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("0.0,1\n,2\n0.2,3\n", "`t` is not a number in row 2"),
+        ("0.0,1\nlate,2\n0.2,3\n", "`t` is not a number in row 2"),
+        ("0.0,1\n0.1,2,3\n", "log.csv:3: 3 cells, but the header names 2"),
+    ],
+)
+def test_a_row_that_is_none_is_refused_with_its_place(tmp_path, rows, said):
     log = tmp_path / "log.csv"
-    log.write_text(f"t,q\n0.0,1\n{cell},2\n0.2,3\n")
-    with pytest.raises(StepError, match="`t` is not a number in row 2"):
+    log.write_text(f"t,q\n{rows}")
+    with pytest.raises(StepError, match=said):
         read_columns(log, log.name, ("t", "q"), (0.0, 1.0), 1.0)
+
+
+def test_a_comma_at_the_end_of_a_line_is_none_too_many(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("t,q\n0.0,1,\n0.1,2\n")
+    assert read_columns(log, log.name, ("t", "q"), None, 1.0).tolist() == [[0.0, 1.0], [0.1, 2.0]]
