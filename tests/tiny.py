@@ -254,6 +254,12 @@ def _stance(name: str, joints: tuple[Joint, ...], thigh: float) -> Keyframe:
     return Keyframe(name, values, Pose((0.0, 0.0, standing_height(thigh))))
 
 
+def with_drives(robot: TinyRobot, **changes: object) -> TinyRobot:
+    """The same robot; every drive has these values."""
+    drives = tuple(replace(drive, **changes) for drive in robot.control.actuators)  # type: ignore[arg-type] # each field's own type
+    return replace(robot, control=replace(robot.control, actuators=drives))
+
+
 def turned(robot: TinyRobot) -> TinyRobot:
     """The same robot; its keyframes turn a floating base about no axis of the world."""
     turn = normalised_quat((0.9, 0.1, 0.2, 0.3))

@@ -12,7 +12,7 @@ import pytest
 from checks.engines import needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import check_inputs, checked, run_step, spoil_stage, write_robot_ports
-from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_drives, with_mimic
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.checks._newton import NewtonLoops
@@ -117,10 +117,7 @@ def stiff(robot: TinyRobot) -> TinyRobot:
 
 def strong() -> TinyRobot:
     """The pendulum with 500 N m: MuJoCo's default lets it (1 - d) t^2 F / I = 0.12 rad past."""
-    robot = pendulum()
-    (row,) = robot.control.actuators
-    row = replace(row, model="pd", kp=500.0, kd=50.0, effort=500.0)
-    return replace(robot, control=replace(robot.control, actuators=(row,)))
+    return with_drives(pendulum(), model="pd", kp=500.0, kd=50.0, effort=500.0)
 
 
 def coupled() -> TinyRobot:

@@ -13,7 +13,7 @@ import pytest
 from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import check_inputs, checked, models, run_step, spoil_stage
-from tiny import TinyRobot, pendulum, tiny_quadruped
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_drives
 
 from assetbuild.checks._mujoco import Slope
 from assetbuild.checks._newton import NewtonSlope
@@ -42,11 +42,6 @@ def figures(folder: Path) -> dict[str, Any]:
 
 def rules(found: list[Finding]) -> set[tuple[str, str]]:
     return {(f.rule, f.severity) for f in found}
-
-
-def with_drives(robot: TinyRobot, **changes: object) -> TinyRobot:
-    actuators = tuple(replace(a, **changes) for a in robot.control.actuators)
-    return replace(robot, control=replace(robot.control, actuators=actuators))
 
 
 def with_base(robot: TinyRobot, lift: float) -> TinyRobot:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from checks.test_stand import figures, with_base, with_drives
+from checks.test_stand import figures, with_base
 from robot_files import check_inputs, configured, run_step, write_robot_ports
-from tiny import TinyRobot, tiny_quadruped
+from tiny import TinyRobot, tiny_quadruped, with_drives
 
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding

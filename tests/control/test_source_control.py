@@ -10,7 +10,7 @@ import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
 from robot_files import run_step, write_robot_ports
-from tiny import pendulum, tiny_quadruped
+from tiny import pendulum, tiny_quadruped, with_drives
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
@@ -182,9 +182,8 @@ SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
 def test_a_strong_motor_gets_stiffer_limits_unless_the_source_has_its_own(
     effort: float, side: Side, said: tuple[MjcfOnly, ...], stiffer: bool
 ):
-    robot = pendulum()
-    (row,) = robot.control.actuators
-    control = replace(robot.control, actuators=(replace(row, effort=effort),), mjcf_only=said)
+    robot = with_drives(pendulum(), effort=effort)
+    control = replace(robot.control, mjcf_only=said)
     made = softened(robot.tree, control, (side,), LIMITS, COUPLINGS)
     assert [name for name, _ in made.soft_limits] == ["swing_joint"] * stiffer
 
@@ -210,8 +209,8 @@ def test_ratings_are_kept_and_gains_keyframes_and_contacts_are_not(
     tmp_path: Path, name: str, is_rating: bool
 ):
     control = tiny_quadruped().control
-    rows = tuple(replace(row, **{name: 1.25}) for row in control.actuators)
-    other = replace(control, actuators=rows, keyframes=(), excludes=())
+    other = with_drives(tiny_quadruped(), **{name: 1.25}).control
+    other = replace(other, keyframes=(), excludes=())
     assert (kept(tmp_path / "a", control) != kept(tmp_path / "b", other)) is is_rating
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from checks.engines import needs_physx
 from robot_files import check_inputs
-from tiny import TinyRobot, box_inertial, four_bar, pendulum, tiny_quadruped
+from tiny import TinyRobot, box_inertial, four_bar, pendulum, tiny_quadruped, with_drives
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.edits.share_mass import ShareMass
@@ -94,24 +94,21 @@ def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
 
 def test_a_drive_of_speeds_follows_the_speed_of_the_sine(tmp_path: Path) -> None:
     """A stiff drive goes as far as the integral of the speed that it is asked for."""
-    robot = pendulum()
-    drive = replace(robot.control.actuators[0], model="velocity", kp=0.0, kd=500.0, effort=None)
-    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    robot = with_drives(pendulum(), model="velocity", kp=0.0, kd=500.0, effort=None)
     sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.0)
-    assert sine.speeds == {drive.joint}
+    assert sine.speeds == {"swing_joint"}
     moved = swung(written(robot, tmp_path), sine, 0.001)
-    width = sine.swing[drive.joint]
-    wanted = sine.middle[drive.joint] + width * np.sin(2.0 * np.pi * moved.time)
+    width = sine.swing["swing_joint"]
+    wanted = sine.middle["swing_joint"] + width * np.sin(2.0 * np.pi * moved.time)
     assert width > 0.0
-    np.testing.assert_allclose(moved.joints[drive.joint], wanted, atol=0.05 * width)
+    np.testing.assert_allclose(moved.joints["swing_joint"], wanted, atol=0.05 * width)
 
 
 def test_a_drive_of_speeds_is_asked_for_no_more_than_its_command_holds() -> None:
     """MuJoCo clips a command beyond `ctrlrange` and PhysX does not: they would part."""
-    robot = pendulum()
-    drive = replace(robot.control.actuators[0], model="velocity", kp=0.0, kd=5.0, ctrl=(-0.5, 0.8))
-    sine = sine_of(robot.tree, replace(robot.control, actuators=(drive,)), {}, 1.0, 1.0)
-    assert 0.0 < 2.0 * np.pi * sine.swing[drive.joint] < 0.5
+    robot = with_drives(pendulum(), model="velocity", kp=0.0, kd=5.0, ctrl=(-0.5, 0.8))
+    sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.0)
+    assert 0.0 < 2.0 * np.pi * sine.swing["swing_joint"] < 0.5
 
 
 # --- loops ---------------------------------------------------------------------------------------
@@ -222,8 +219,7 @@ def test_a_run_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
 def test_the_sine_stays_off_the_stops_and_a_slow_joint_swings_little() -> None:
     """0.1 rad/s at 1 Hz are 16 mrad of swing at most; PhysX keeps the limit, MuJoCo knows none."""
     robot = tiny_quadruped()
-    slow = tuple(replace(a, velocity=0.1) for a in robot.control.actuators)
-    slowed = replace(robot.control, actuators=slow)
+    slowed = with_drives(robot, velocity=0.1).control
     for control, start, times in (
         (robot.control, {"FR_calf_joint": -0.9}, 1.0),
         (slowed, {}, 10.0),
