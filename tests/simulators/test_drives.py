@@ -7,6 +7,7 @@ import math
 import mujoco
 import pytest
 
+from assetbuild.robot.model import Actuator
 from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.mujoco import motion as mujoco_motion
 from assetbuild.simulators.mujoco import stand as mujoco_stand
@@ -37,6 +38,12 @@ LAWS = {
     "servo beside a cable": SERVO + '<general tendon="cable" gainprm="0" gear="4"/>',
     "wrist": SERVO + '<motor joint="wrist" gear="1 0 0"/>',
 }
+WORDS = {
+    "servo in other units": ["general"], "speed": ["velocity"], "motor": ["motor"],
+    "scaled motor": ["motor"], "servo and damper": ["servo", "velocity"],
+    "servo beside a cable": ["servo", "motor"],
+}  # fmt: skip
+"""Drives have the words of MJCF; the others are a servo."""
 
 
 def arm(actuators: str, joint: str = "", kind: str = "hinge") -> Model:
@@ -54,9 +61,11 @@ def torque(model: Model, ctrl: float, q: float = 0.0, speed: float = 0.0) -> flo
 
 @pytest.mark.parametrize("kind", ["hinge", "slide"])
 @pytest.mark.parametrize("law", LAWS)
-def test_gains_are_those_with_which_mujoco_pushes_the_joint(law: str, kind: str) -> None:
+def test_gains_and_words_are_those_of_mujoco_and_mjcf(law: str, kind: str) -> None:
     model = arm(LAWS[law], 'ref="0.2"', kind)
     found = read_drives(model)
+    assert [drive.kind for drive in found] == WORDS.get(law, ["servo"])
+    assert {drive.joint_name for drive in found} == {"elbow"}
     for ctrl, q, speed in ((0.0, 0.0, 0.0), (0.4, 0.0, 0.0), (0.1, 0.5, 0.0), (0.0, -0.3, 0.9)):
         pushed = sum(drive.gain * ctrl + drive.constant for drive in found)
         held = sum(drive.kp * q + drive.kd * speed for drive in found)
@@ -74,17 +83,6 @@ def test_at_its_command_a_drive_that_holds_positions_is_at_rest(law: str) -> Non
             continue  # the other drive pushes too
         assert torque(model, drive.command(0.4), 0.4) == pytest.approx(0.0, abs=1e-12)
         assert drive.target(drive.command(0.4)) == pytest.approx(0.4)
-
-
-@pytest.mark.parametrize(
-    ("law", "kind"),
-    [("geared servo", "servo"), ("speed", "velocity"), ("motor", "motor"), ("wrist", "servo"),
-     ("scaled motor", "motor"), ("servo in other units", "general")],
-)  # fmt: skip
-def test_drives_have_the_words_of_mjcf(law: str, kind: str) -> None:
-    (drive,) = read_drives(arm(LAWS[law]))
-    assert drive.kind == kind
-    assert drive.joint_name == "elbow"
 
 
 @pytest.mark.parametrize(
@@ -143,8 +141,6 @@ def test_a_geared_servo_is_told_to_swing_in_its_own_units() -> None:
 
 
 def test_a_servo_that_replaces_a_geared_motor_has_the_gains_of_the_table() -> None:
-    from assetbuild.robot.model import Actuator
-
     model = arm('<motor joint="elbow" gear="50"/><motor tendon="cable"/>')
     law = Actuator("elbow", "ideal_pd", kp=30.0, kd=2.0, effort=4.0)
     mujoco_motion.drive_as(model, {"elbow": law})
