@@ -111,7 +111,6 @@ def test_an_environment_is_named_by_its_pins_and_counts_when_whole(
     ],
 )
 def test_a_consumer_that_fails_says_why(tmp_path: Path, text: str, why: str) -> None:
-
     program = tmp_path / "child.py"
     program.write_text(text)
     seconds = 1.0 if "sleep" in text else 30.0
@@ -125,7 +124,7 @@ def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     python = os.environ.get("ASSETBUILD_MJLAB_PYTHON")
     if not python:
         pytest.skip("no mjlab here: set ASSETBUILD_MJLAB_PYTHON to the Python of its environment")
-    monkeypatch.setattr(Environment, "python", property(lambda self: Path(python)))
+    monkeypatch.setattr(Environment, "python", lambda self, world: Path(python))
     ranges = {
         "links": {".*": {"density": [0.8, 1.2], "com": 0.01}},
         "joints": {".*": {"kp": [0.9, 1.1], "friction": [0.5, 2], "delay": [0, 2]}},
