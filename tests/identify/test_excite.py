@@ -43,16 +43,12 @@ def excited(folder, wall=2.0, **keys):
     return findings, table, json.loads((folder / "out/expected.json").read_text())
 
 
-def test_commands_begin_and_end_at_rest_inside_the_limits(tmp_path):
-    findings, table, _ = excited(tmp_path)
+def test_commands_begin_and_end_at_rest_inside_the_limits_and_say_what_they_will_show(tmp_path):
+    findings, table, expected = excited(tmp_path)
     assert not findings and len(table) == 4000
     command = table[:, 1:]
     assert np.abs(command).max() < 0.7 and np.abs(command[[0, -1]]).max() < 0.02
     assert command.std(axis=0).min() > 0.1
-
-
-def test_what_will_be_shown_is_said_before_anybody_records(tmp_path):
-    _, _, expected = excited(tmp_path)
     rows = {(row["joint"], row["parameter"]): row for row in expected}
     friction = rows["shoulder", "friction"]
     assert 0.0 < friction["half_width"] < 0.01 and not friction["confounded"]

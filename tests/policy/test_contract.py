@@ -16,7 +16,7 @@ from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.checks._mujoco import PolicyOrders
 from assetbuild.errors import StepError
-from assetbuild.robot.orders import breadth_first, depth_first, joint_orders, permutation
+from assetbuild.robot.orders import breadth_first, depth_first
 from assetbuild.simulators.usd_names import usd_identifier
 from assetbuild.targets.policy import Policy, PolicyOptions
 
@@ -38,15 +38,6 @@ def test_orders_are_those_of_another_library(robot: TinyRobot):
     for walk, order in ((nx.bfs_edges, breadth_first), (nx.dfs_edges, depth_first)):
         edges = [names[child] for _, child in walk(graph, robot.tree.root)]
         assert list(order(robot.tree)) == [name for name in edges if name in moving]
-
-
-def test_a_permutation_brings_an_engine_s_values_into_the_order_of_the_joints():
-    tree = tiny_quadruped().tree
-    orders = joint_orders(tree, BUS)
-    for order in orders.values():
-        values = [f"value of {name}" for name in order]
-        back = [values[place] for place in permutation(orders["urdf"], order)]
-        assert back == [f"value of {name}" for name in orders["urdf"]]
 
 
 def test_ten_lines_of_numpy_load_it(tmp_path: Path):
