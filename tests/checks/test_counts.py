@@ -57,28 +57,26 @@ def without(name: str) -> Shapes:
     return replace(WHOLE, shapes=tuple(s for s in WHOLE.shapes if s.name != name))
 
 
+AUTO = (".*", "auto", "auto")
+
+
 @pytest.mark.parametrize(
-    ("lost", "rule", "subject"),
+    ("lost", "rules", "told"),
     [
-        ("a", "count.visual", "link trunk"),
-        ("d", "count.visual", "link foot"),
-        ("c", "count.collision", "link trunk"),
-        ("e", "count.collision", "link foot"),  # taken from what is seen
+        ("a", (AUTO,), [("count.visual", "link trunk")]),
+        ("d", (AUTO,), [("count.visual", "link foot")]),
+        ("c", (AUTO,), [("count.collision", "link trunk")]),
+        ("e", (AUTO,), [("count.collision", "link foot")]),  # taken from what is seen
+        ("e", (("foot", "none", "auto"), AUTO), []),
+        ("e", ((".*", "hull", "collision"),), []),  # from collision shapes alone
     ],
 )
-def test_a_lost_shape_is_an_error(tmp_path: Path, lost: str, rule: str, subject: str):
-    findings, _ = check(tmp_path, without(lost))
-    assert (rule, "error", subject) in [(f.rule, f.severity, f.subject) for f in findings]
-
-
-@pytest.mark.parametrize(
-    "rules",
-    [(("foot", "none", "auto"), (".*", "auto", "auto")), ((".*", "hull", "collision"),)],
-    ids=["no collision wanted", "from collision shapes alone"],
-)
-def test_collision_that_the_recipe_does_not_want_is_not_missed(tmp_path: Path, rules):
-    findings, _ = check(tmp_path, without("e"), rules=rules)
-    assert findings == []
+def test_a_lost_shape_is_an_error_unless_the_recipe_does_not_want_it(
+    tmp_path: Path, lost: str, rules: tuple, told: list[tuple[str, str]]
+):
+    findings, _ = check(tmp_path, without(lost), rules=rules)
+    assert [(f.rule, f.subject) for f in findings] == told
+    assert all(f.severity == "error" for f in findings)
 
 
 def test_a_whole_robot_passes_with_its_counts(tmp_path: Path):

@@ -63,13 +63,19 @@ def slivers(share: float, count: int) -> str:
     return file
 
 
-def test_a_vertex_that_moved_is_a_difference_among_thin_triangles(tmp_path: Path):
-    written = built(FLOATING, tmp_path, slivers(1e-6, 20))
+def move_first_corner(written: Written, metres: float) -> None:
+    """Along y, in the mesh of the bundle."""
     (mesh,) = (written.xml.parent / "assets").glob("*.obj")
     lines = mesh.read_text().splitlines()
-    tip = max((line for line in lines if line.startswith("v ")), key=lambda line: line.split()[-1])
-    x, y, z = map(float, tip.split()[1:])
-    mesh.write_text(mesh.read_text().replace(tip, f"v {x} {y} {z + 1e-4}", 1))
+    at = next(i for i, line in enumerate(lines) if line.startswith("v "))
+    x, y, z = map(float, lines[at].split()[1:])
+    lines[at] = f"v {x!r} {y + metres!r} {z!r}"
+    mesh.write_text("\n".join(lines) + "\n")
+
+
+def test_a_vertex_that_moved_is_a_difference_among_thin_triangles(tmp_path: Path):
+    written = built(FLOATING, tmp_path, slivers(1e-6, 20))
+    move_first_corner(written, 1e-4)
     rules = {finding.rule for finding in compared(written)}
     assert {"equal.source.area", "equal.source.mean_corner"} <= rules
 
@@ -86,12 +92,7 @@ def test_rounding_of_a_mesh_about_its_origin_is_no_difference(
     """Its mean corner is nearly 0: what may differ is a share of the mesh's size, not of that."""
     text = FLOATING.replace('refpos=".1 .2 .3" refquat="1 .3 .2 .1"', "")
     written = built(text, tmp_path, EVEN)
-    (mesh,) = (written.xml.parent / "assets").glob("*.obj")
-    lines = mesh.read_text().splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith("v "))
-    x, y, z = map(float, lines[at].split()[1:])
-    lines[at] = f"v {x!r} {y + moved_m!r} {z!r}"
-    mesh.write_text("\n".join(lines) + "\n")
+    move_first_corner(written, moved_m)
     assert bool(compared(written)) == is_found
 
 
