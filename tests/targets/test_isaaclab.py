@@ -151,27 +151,6 @@ def test_quaternions_have_the_order_of_their_generation(generation: int, tmp_pat
     assert rot == ([half, 0.0, 0.0, half] if generation == 2 else [0.0, 0.0, half, half])
 
 
-def test_the_events_say_the_recipe(tmp_path: Path) -> None:
-    ranges = Randomize.model_validate(RANGES)
-    said = module_of(tiny_quadruped(), tmp_path, 3, randomize=ranges)["EventCfg"]
-    terms = {name: term for name, term in said.items() if name != "()"}
-    assert {term["mode"] for term in terms.values()} == {"startup"}, "`com` of 2.x accumulates"
-    density = terms["density_0"]["params"]
-    assert density["mass_distribution_params"] == [0.8, 1.2]
-    assert density["recompute_inertia"] is True, "else the inertia stays behind"
-    shifted = [
-        term["params"]["asset_cfg"]["body_names"]
-        for term in terms.values()
-        if term["func"]["()"].endswith("_com")
-    ]
-    bodies = [body.name for body in tiny_quadruped().tree.bodies]
-    assert shifted == [[body] for body in bodies], "one term moves all its bodies alike"
-    assert terms["gains_0"]["params"]["stiffness_distribution_params"] == [0.9, 1.1]
-    assert terms["joints_0"]["params"]["friction_distribution_params"] == [0.5, 2.0]
-    assert len(terms["joints_1"]["params"]["asset_cfg"]["joint_names"]) == 8, "first match wins"
-    assert terms["material"]["params"]["static_friction_range"] == [0.4, 1.2]
-
-
 def test_what_isaac_lab_cannot_randomize_is_told(tmp_path: Path) -> None:
     wide = {
         "links": {".*": {"stretch": 0.1}},
