@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,10 @@ from urdfs import read
 from assetbuild.compose.compose_parts import ComposeParts
 from assetbuild.compose.composed_control import MountedPart
 from assetbuild.errors import RecipeError
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Base, Tree
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.files import SourceControl
+from assetbuild.robot.model import Base, Control, MjcfOnly, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.sections import At, Mount
 from assetbuild.robot.shapes import SourceShapes
@@ -26,22 +27,26 @@ AT = At(link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
 ARM = MountedPart(prefix="arm_", at=AT)
 
 
-def put(folder: Path, robot: TinyRobot, file: str) -> None:
+def put(folder: Path, robot: TinyRobot, *said: MjcfOnly) -> None:
+    """The files of a robot that is composed; said: what its MJCF says besides."""
     write_source_ports(folder, robot)
     lines = {f"link {body.name}": 7 for body in robot.links.bodies}
-    (folder / "source_map.json").write_text(json.dumps({"file": file, "lines": lines}))
+    (folder / "source_map.json").write_text(json.dumps({"file": "r.urdf", "lines": lines}))
+    if said:
+        control = SourceControl(Control(mjcf_only=said))
+        (folder / "source_control.json").write_bytes(encode(control))
 
 
-def composed(tmp_path: Path, *parts: MountedPart) -> tuple[Tree, SourceShapes, dict, list]:
-    put(tmp_path / "base", tiny_quadruped(), "dog.urdf")
+def composed(tmp_path: Path, *parts: MountedPart) -> tuple[Tree, SourceShapes, list[Finding]]:
+    """The quadruped with pendulums on it."""
+    put(tmp_path / "base", tiny_quadruped())
     for part in parts:
-        put(tmp_path / part.prefix, pendulum(), "arm.urdf")
+        put(tmp_path / part.prefix, pendulum())
     findings = run_step(ComposeParts(parts=parts), tmp_path, tmp_path / "out")
     out = tmp_path / "out"
     return (
         decode(Tree, (out / "links.json").read_bytes()),
         decode(SourceShapes, (out / "shapes.json").read_bytes()),
-        json.loads((out / "source_map.json").read_text()),
         findings,
     )
 
@@ -63,10 +68,8 @@ def test_a_part_moves_as_alone_seen_from_its_place(tmp_path):
 
 
 def test_nothing_is_lost_and_the_mount_adds_its_mass(tmp_path):
-    plate = ARM.model_copy(
-        update={"mount": Mount(mass=0.3, size=(0.1, 0.1, 0.01), at=(0, 0, -0.005))}
-    )
-    tree, shapes, _, findings = composed(tmp_path, plate)
+    plate = Mount(mass=0.3, size=(0.1, 0.1, 0.01), at=(0, 0, -0.005))
+    tree, shapes, findings = composed(tmp_path, ARM.model_copy(update={"mount": plate}))
     quadruped, arm = tiny_quadruped(), pendulum()
     assert total_mass(tree) == pytest.approx(
         total_mass(quadruped.links) + total_mass(arm.links) + 0.3
@@ -79,17 +82,11 @@ def test_nothing_is_lost_and_the_mount_adds_its_mass(tmp_path):
 
 
 def test_two_equal_parts_need_two_prefixes(tmp_path):
-    other = ARM.model_copy(
-        update={
-            "folder": "second_",
-            "prefix": "second_",
-            "at": AT.model_copy(update={"xyz": (-0.1, 0, 0.2)}),
-        }
-    )
-    tree, *_ = composed(tmp_path, ARM, other)
+    place = At(link="trunk", xyz=(-0.1, 0, 0.2))
+    tree, *_ = composed(tmp_path, ARM, MountedPart(prefix="second_", at=place))
     assert {"arm_mount", "second_mount"} <= set(tree.by_joint)
     with pytest.raises(RecipeError, match="two parts have a"):
-        composed(tmp_path / "again", ARM, other.model_copy(update={"prefix": "arm_"}))
+        composed(tmp_path / "again", ARM, MountedPart(prefix="arm_", at=place))
 
 
 def test_a_place_that_is_no_link_is_refused(tmp_path):
@@ -128,6 +125,5 @@ def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root
         for name, plain in names.items():
             if name not in extra:
                 assert np.allclose(mine[name].matrix(), theirs[plain].matrix(), atol=1e-12), name
-    limits = {joint.name: replace(joint.limits) for joint in by_hand.joints}
     for joint in ours.moving_joints:
-        assert joint.limits == limits[joint.name.removeprefix("arm_")]
+        assert joint.limits == by_hand.by_joint[joint.name.removeprefix("arm_")].limits

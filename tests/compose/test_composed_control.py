@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from compose.test_compose_parts import put
 from mjcfs import Reading, hard_arm, read
-from robot_files import run_step, write_source_ports
+from robot_files import run_step
 from tiny import pendulum, tiny_quadruped
 
 from assetbuild.compose.compose_parts import ComposeParts
@@ -94,26 +96,18 @@ def test_options_that_are_not_taken_are_named(tmp_path: Path):
 
 def test_two_drives_of_one_name_are_refused(tmp_path: Path):
     """A prefix makes names that the base may have already."""
-    write_source_ports(tmp_path / "base", tiny_quadruped())
-    write_source_ports(tmp_path / "arm_", pendulum())
-    tendon = MjcfOnly("tendon", '<fixed name="arm_t"/>')
-    for folder, name in (("base", "arm_t"), ("arm_", "t")):
-        (tmp_path / folder / "source_map.json").write_text('{"file": "x", "lines": {}}')
-        item = MjcfOnly("tendon", tendon.element.replace("arm_t", name))
-        said = SourceControl(Control(mjcf_only=(item,)))
-        (tmp_path / folder / "source_control.json").write_bytes(encode(said))
+    put(tmp_path / "base", tiny_quadruped(), MjcfOnly("tendon", '<fixed name="arm_t"/>'))
+    put(tmp_path / "arm_", pendulum(), MjcfOnly("tendon", '<fixed name="t"/>'))
     on = MountedPart(prefix="arm_", at=At(link="trunk"))
     with pytest.raises(RecipeError, match="two parts have a tendon `arm_t`"):
         run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
 
 
 def test_the_surface_that_most_shapes_of_a_part_have_comes_along(tmp_path: Path):
-    write_source_ports(tmp_path / "base", tiny_quadruped())
-    write_source_ports(tmp_path / "arm_", pendulum())
+    put(tmp_path / "base", tiny_quadruped())
+    put(tmp_path / "arm_", pendulum())
     slippery = Contact(friction=(0.1, 0.0, 0.0))
     said = SourceControl(Control(contact=slippery, contacts=(("bob", slippery),)))
-    for folder in ("base", "arm_"):
-        (tmp_path / folder / "source_map.json").write_text('{"file": "x", "lines": {}}')
     (tmp_path / "arm_" / "source_control.json").write_bytes(encode(said))
     on = MountedPart(prefix="arm_", at=At(link="trunk"))
     run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
@@ -127,11 +121,8 @@ def test_a_part_that_floats_alone_is_held_and_its_place_in_its_world_told(tmp_pa
     text += '<body name="c"><joint name="j"/><geom size=".1"/></body></body></worldbody></mujoco>'
     duck = read(text, tmp_path / "read")
     assert duck.links.base == "floating"
-    write_source_ports(tmp_path / "base", pendulum())
-    (tmp_path / "base" / "source_map.json").write_text('{"file": "x", "lines": {}}')
-    (tmp_path / "duck_").mkdir()
-    for name in ("links.json", "shapes.json", "source_control.json"):
-        (tmp_path / "duck_" / name).write_bytes((duck.read / name).read_bytes())
+    put(tmp_path / "base", pendulum())
+    shutil.copytree(duck.read, tmp_path / "duck_")
     (tmp_path / "duck_" / "source_map.json").write_text('{"file": "y", "lines": {}}')
     on = MountedPart(prefix="duck_", at=At(link="base"))
     findings = run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")

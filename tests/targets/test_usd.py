@@ -99,16 +99,6 @@ def test_physics_is_a_selected_variant_and_none_takes_all_of_it_away(
     assert quadruped.GetPrimAtPath("/robot/trunk/visuals/trunk_visual/mesh").IsA(UsdGeom.Mesh)
 
 
-def test_colliders_are_guides_of_one_surface(quadruped: UsdCore.Stage) -> None:
-    colliders = [p for p in everything(quadruped) if p.HasAPI(UsdPhysics.CollisionAPI)]
-    assert len(colliders) == 17
-    for prim in colliders:
-        assert UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.guide
-        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-        surface = UsdPhysics.MaterialAPI(material.GetPrim())
-        assert surface.GetStaticFrictionAttr().Get() == pytest.approx(0.8)
-        assert surface.GetDynamicFrictionAttr().Get() == pytest.approx(0.8)
-        assert surface.GetRestitutionAttr().Get() == 0.0
 
 
 def test_collision_meshes_are_hulls_and_say_when_that_fills_something(tmp_path: Path) -> None:
