@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 import urdfs
-import yaml
+from proposals import proposed
 
-from assetbuild.init import Proposal, propose
 from assetbuild.init.anatomy import Anatomy, roles, study
 from assetbuild.init.look import look
 from assetbuild.init.source import find_source
@@ -59,14 +58,6 @@ def seen(folder: Path, *parts: str) -> tuple[Anatomy, dict[str, str]]:
     return anatomy, {j.child: found[j.name] for j in robot.tree.moving_joints}
 
 
-def proposed(folder: Path, *parts: str) -> tuple[Proposal, dict[str, dict[str, object]]]:
-    """The proposal, and the row of the recipe of each joint that a pattern names alone."""
-    path = folder / "r.urdf"
-    path.write_text(urdfs.robot(*parts))
-    proposal = propose(path, folder / "r.yaml", {})
-    return proposal, {row["joints"]: row for row in yaml.safe_load(proposal.text)["actuators"]}
-
-
 # --- wheels ---------------------------------------------------------------------------------
 
 
@@ -97,8 +88,8 @@ def test_what_is_round_about_a_level_axis_on_the_ground_is_a_wheel(
 def test_a_wheel_is_driven_by_speed_whether_the_source_states_its_effort_or_not(
     limit: str, tmp_path: Path
 ):
-    _, rows = proposed(tmp_path, TRUNK, WHEELS.replace(ENDLESS, limit))
-    (row,) = rows.values()
+    made = proposed(urdfs.robot(TRUNK, WHEELS.replace(ENDLESS, limit)), tmp_path)
+    (row,) = made.plain["actuators"]
     assert row["model"] == "velocity"
     # Full effort at 1 rad/s; unstated: 0.8 m g r / 2 = 0.8 * 5.6 * 9.81 * 0.05 / 2 = 1.1 N m.
     assert (row["kd"], "effort" in row) == ((5.0, False) if limit == ENDLESS else (2.0, True))
@@ -220,10 +211,10 @@ def test_two_or_more_that_are_called_so_are_rotors(robot: str, flies: bool, tmp_
 
 def test_rotors_are_driven_by_speed_with_what_carries_the_robot(tmp_path: Path):
     """5.02 kg on four discs of 60 mm: 2 * 0.15 * 5.02 * 9.81 * 0.06 / 4 = 0.22 N m, so 0.5."""
-    proposal, rows = proposed(tmp_path, drone())
-    (row,) = rows.values()
+    made = proposed(urdfs.robot(drone()), tmp_path)
+    (row,) = made.plain["actuators"]
     assert (row["model"], row["effort"]) == ("velocity", 0.5)
-    assert proposal.undecided == ""
+    assert made.proposal.undecided == ""
 
 
 # --- neither --------------------------------------------------------------------------------
@@ -259,13 +250,11 @@ SLIDE = '<limit lower="0" upper="0.04" effort="5" velocity="1"/>'
 def test_what_matches_nothing_is_said_to_with_what_to_decide(
     robot: str, known: bool, tmp_path: Path
 ):
-    proposal, rows = proposed(tmp_path, robot)
-    assert "velocity" not in {row["model"] for row in rows.values()}
-    assert bool(proposal.undecided) != known
-    assert ("\n# UNDECIDED: " in proposal.text) != known
-    assert "\nbase: fixed" in proposal.text
-    if not known:
-        assert "`base` (`floating` if loose)" in proposal.undecided
+    made = proposed(urdfs.robot(robot), tmp_path)
+    assert "velocity" not in {row["model"] for row in made.plain["actuators"]}
+    assert ("`base` (`floating` if loose)" in made.proposal.undecided) != known
+    assert ("\n# UNDECIDED: " in made.text) != known
+    assert made.recipe.base == "fixed"
 
 
 def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Path):
@@ -304,10 +293,9 @@ def test_feet_that_cannot_be_bodies_of_their_own_are_not_proposed_as_such(
     robots: Path, tmp_path: Path
 ):
     text = (robots / "four_legs.urdf").read_text()
-    for moment, proposed in (("7.5e-06", True), ("0", False)):
-        (tmp_path / "dog.urdf").write_text(text.replace("7.5e-06", moment))
-        recipe = propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text
-        assert ("foot_bodies:" in recipe) == proposed
+    for moment, is_body in (("7.5e-06", True), ("0", False)):
+        recipe = proposed(text.replace("7.5e-06", moment), tmp_path).text
+        assert ("foot_bodies:" in recipe) == is_body
 
 
 def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):

@@ -8,10 +8,8 @@ from typing import Any
 
 import pytest
 import trimesh
-import yaml
+from proposals import proposed
 from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
-
-from assetbuild.init import propose
 
 FLAT = trimesh.Trimesh(
     [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]], process=False
@@ -24,9 +22,7 @@ def rules_of(folder: Path, *shapes: str) -> dict[str, dict[str, str]]:
     FLAT.export(folder / "plate.stl")
     turns = joint("j", "world", "tip", axis="0 0 1")
     links = link("world", shape("collision", BOX)), link("tip", inertial(), *shapes)
-    (folder / "arm.urdf").write_text(robot(*links, turns))
-    text = propose(folder / "arm.urdf", folder / "arm.yaml", {}).text
-    return dict(yaml.safe_load(text)["collision"].get("links", {}))
+    return dict(proposed(robot(*links, turns), folder).plain["collision"].get("links", {}))
 
 
 @pytest.mark.parametrize(
@@ -53,9 +49,7 @@ def test_a_foot_that_is_a_thin_disc_is_no_sphere(
     trimesh.creation.box((0.04, width, 0.04)).export(tmp_path / "foot.stl")
     text = (robots / "four_legs.urdf").read_text()
     text = text.replace('<sphere radius="0.02"/>', '<mesh filename="foot.stl"/>')
-    (tmp_path / "dog.urdf").write_text(text)
-    recipe = yaml.safe_load(propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text)
-    assert ("links" in recipe["collision"]) is ball
+    assert ("links" in proposed(text, tmp_path).plain["collision"]) is ball
 
 
 def dog_on_air(robots: Path, folder: Path, *, drawn: bool) -> dict[str, Any]:  # Any: YAML
@@ -68,9 +62,7 @@ def dog_on_air(robots: Path, folder: Path, *, drawn: bool) -> dict[str, Any]:  #
             seen = f"<visual>{ball}</visual>" if drawn and "_foot" in line else ""
             line = line[:start] + seen + line[end + len("</collision>") :]
         lines.append(line)
-    path = folder / "dog.urdf"
-    path.write_text("\n".join(lines))
-    return dict(yaml.safe_load(propose(path, folder / "dog.yaml", {}).text))
+    return proposed("\n".join(lines), folder).plain
 
 
 def test_feet_without_collision_get_what_is_drawn_of_them_and_the_dog_stands(
@@ -97,17 +89,14 @@ def test_links_that_one_drive_turns_side_by_side_do_not_collide(tmp_path: Path):
     def led(share: int) -> str:
         return f'<mimic joint="left_outer_j" multiplier="{share}"/>'
 
-    (tmp_path / "hand.urdf").write_text(
-        robot(
-            link("palm", inertial(), shape("collision", BOX)),
-            knuckle("left_outer", "0.05"),
-            knuckle("left_inner", "0.02", led(1)),
-            knuckle("right_outer", "-0.05", led(-1)),
-            knuckle("right_inner", "-0.02", led(-1)),
-        )
+    hand = robot(
+        link("palm", inertial(), shape("collision", BOX)),
+        knuckle("left_outer", "0.05"),
+        knuckle("left_inner", "0.02", led(1)),
+        knuckle("right_outer", "-0.05", led(-1)),
+        knuckle("right_inner", "-0.02", led(-1)),
     )
-    text = propose(tmp_path / "hand.urdf", tmp_path / "hand.yaml", {}).text
-    pairs = yaml.safe_load(text)["collision"]["exclude"]["pairs"]
+    pairs = proposed(hand, tmp_path).plain["collision"]["exclude"]["pairs"]
     assert pairs[:2] == [["left_outer", "left_inner"], ["right_outer", "right_inner"]]
     assert ["left_outer", "right_outer"] not in pairs
 
@@ -125,9 +114,7 @@ def test_what_a_finger_holds_by_a_fixed_joint_gets_its_surface(tmp_path: Path):
     light = inertial(0.02, tensor(1e-5, 1e-5, 1e-5))
     palm = link("palm", inertial(), shape("collision", BOX))
     hand = robot(palm, *(finger(f"finger_{n}", f"0.0{3 * n}") for n in range(1, 4)))
-    (tmp_path / "hand.urdf").write_text(hand)
-    text = propose(tmp_path / "hand.urdf", tmp_path / "hand.yaml", {}).text
-    (pattern,) = yaml.safe_load(text)["contact"]["links"]
+    (pattern,) = proposed(hand, tmp_path).plain["contact"]["links"]
     links = ["palm", *(f"finger_{n}_{part}" for n in range(1, 4) for part in ("body", "tip"))]
     named = [name for name in links if re.fullmatch(pattern, name)]
     assert named == ["palm", "finger_1_tip", "finger_2_tip", "finger_3_tip"]

@@ -12,9 +12,7 @@ from pathlib import Path
 import mujoco
 import pytest
 import urdfs
-import yaml
-
-from assetbuild.init import propose
+from proposals import Proposed, proposed
 
 LIMIT_M = 0.005
 
@@ -78,9 +76,9 @@ ROBOTS = {
 }
 
 
-def home_of(text: str, names: list[str]) -> dict[str, float]:
+def home_of(made: Proposed, names: list[str]) -> dict[str, float]:
     """Joint values of the recipe's `home`."""
-    stated = yaml.safe_load(text).get("keyframes", {}).get("home", {}).get("joints", {})
+    stated = made.plain.get("keyframes", {}).get("home", {}).get("joints", {})
     found = dict.fromkeys(names, 0.0)
     for pattern, value in stated.items():
         found |= {name: value for name in names if re.fullmatch(pattern, name)}
@@ -103,11 +101,9 @@ def deepest(urdf: str, pose: dict[str, float]) -> float:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_home_is_clear_of_the_floor_and_of_itself(name: str, tmp_path: Path):
     body, deep = ROBOTS[name]
-    urdf = f'<robot name="r">{body}</robot>'
-    (tmp_path / "r.urdf").write_text(urdf)
-    text = propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text
+    urdf = urdfs.robot(body)
     names = re.findall(r'joint name="(\w+)" type="rev', urdf)
-    home = home_of(text, names)
+    home = home_of(proposed(urdf, tmp_path), names)
     assert (deepest(urdf, dict.fromkeys(names, 0.0)) > LIMIT_M) is deep
     assert deepest(urdf, home) <= LIMIT_M
     assert any(home.values()) is deep
@@ -139,8 +135,7 @@ def test_bodies_that_are_made_to_lie_in_each_other_never_collide(
         + joint("swing", "cart", "ball", at, axis)
         + link("ball", 0.5, BALL, reach)
     )
-    (tmp_path / "r.urdf").write_text(f'<robot name="r">{body}</robot>')
-    said = yaml.safe_load(propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text)
+    said = proposed(urdfs.robot(body), tmp_path).plain
     pairs = [set(pair) for pair in said["collision"]["exclude"].get("pairs", [])]
     assert ({"post", "ball"} in pairs) is always
 
@@ -174,9 +169,7 @@ def test_a_shank_without_a_foot_stands_on_its_lowest_point_below_the_hip(tmp_pat
         for part, above, at in (("thigh", "trunk", f"{place} 0"), ("shank", f"thigh_{name}", KNEE)):
             parts.append(joint(f"{part}_{name}", above, f"{part}_{name}", at))
             parts.append(link(f"{part}_{name}", 0.5, ROD, "0 0 -0.15"))
-    (tmp_path / "r.urdf").write_text(urdfs.robot(*parts, name="r"))
-    text = propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text
-    joints = yaml.safe_load(text)["keyframes"]["home"]["joints"]
+    joints = proposed(urdfs.robot(*parts), tmp_path).plain["keyframes"]["home"]["joints"]
     turn = math.acos(0.75)
     assert joints == pytest.approx({"thigh_.*": turn, "shank_.*": -2 * turn}, abs=0.1)
 
@@ -194,7 +187,6 @@ def test_a_shank_without_a_foot_stands_on_its_lowest_point_below_the_hip(tmp_pat
 def test_a_biped_gets_gains_and_a_home_in_which_it_stands(
     ahead: float, ankle: float, foot: str, stands: bool, tmp_path: Path
 ):
-    (tmp_path / "biped.urdf").write_text(biped(ahead, ankle, foot))
-    text = propose(tmp_path / "biped.urdf", tmp_path / "biped.yaml", {}).text
+    text = proposed(biped(ahead, ankle, foot), tmp_path).text
     assert ("  stand: {keyframe: home" in text) is stands
     assert ("points that span no area" in text) is not stands

@@ -5,42 +5,31 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import urdfs
 import yaml
+from proposals import proposed
 
-from assetbuild.init import propose
 from assetbuild.pipeline.recipes import whole_model
 
-LINK = """<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="0.2"/>
-<inertia ixx="1e-4" iyy="5e-4" izz="5e-4" ixy="0" ixz="0" iyz="0"/></inertial>
-<visual><origin xyz="{1} 0 0"/><geometry><box size="{2} 0.02 0.02"/></geometry></visual></link>"""
-JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
-<origin xyz="{3} 0 0"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" effort="5" velocity="10"/></joint>"""
-FRAME = """<link name="{0}"/><joint name="{0}_frame" type="fixed"><parent link="{1}"/>
-<child link="{0}"/><origin xyz="{2} 0 0"/></joint>"""
+SIZE = '<box size="{} 0.02 0.02"/>'
 
 
-def four_bar(folder: Path, one: str, other: str, ground: float = 0.2, rocker: float = 0.15) -> Path:
+def four_bar(one: str, other: str) -> str:
     """A motor on the crank, and a frame at both ends of the cut."""
-    bars = (("base", 0.4), ("crank", 0.1), ("coupler", 0.2), ("rocker", 0.15))
-    parts = [
-        *(LINK.format(name, x / 2, x) for name, x in bars),
-        JOINT.format("motor", "base", "crank", 0.0),
-        JOINT.format("free_1", "crank", "coupler", 0.1),
-        JOINT.format("free_2", "base", "rocker", ground),
-        FRAME.format(one, "coupler", 0.2),
-        FRAME.format(other, "rocker", rocker),
+    parts = [urdfs.link(one, ""), urdfs.link(other, "")]
+    for name, length in (("base", 0.4), ("crank", 0.1), ("coupler", 0.2), ("rocker", 0.15)):
+        middle = f"{length / 2} 0 0"
+        solid = urdfs.inertial(0.2, urdfs.tensor(1e-4, 5e-4, 5e-4), middle)
+        seen = urdfs.shape("visual", SIZE.format(length), middle)
+        parts.append(urdfs.link(name, solid, seen))
+    parts += [
+        urdfs.joint("motor", "base", "crank", xyz="0 0 0"),
+        urdfs.joint("free_1", "crank", "coupler", xyz="0.1 0 0"),
+        urdfs.joint("free_2", "base", "rocker", xyz="0.2 0 0"),
+        urdfs.joint(f"{one}_frame", "coupler", one, "fixed", "", xyz="0.2 0 0"),
+        urdfs.joint(f"{other}_frame", "rocker", other, "fixed", "", xyz="0.15 0 0"),
     ]
-    path = folder / "four_bar.urdf"
-    path.write_text('<robot name="four_bar">' + "\n".join(parts) + "</robot>")
-    return path
-
-
-def recipe_of(file: Path) -> tuple[dict, str]:
-    text = propose(file, file.parent / "four_bar.yaml", {}).text
-    plain = yaml.safe_load(text)
-    whole_model().model_validate(plain)
-    return plain, text
+    return urdfs.robot(*parts, name="four_bar")
 
 
 @pytest.mark.parametrize(
@@ -54,9 +43,9 @@ def recipe_of(file: Path) -> tuple[dict, str]:
 def test_frames_named_as_the_two_sides_of_a_cut_are_a_row_to_uncomment(
     one: str, other: str, tmp_path: Path
 ):
-    plain, text = recipe_of(four_bar(tmp_path, one, other))
-    assert "loops" not in plain
-    row = next(line for line in text.splitlines() if one in line and other in line)
+    made = proposed(four_bar(one, other), tmp_path)
+    assert "loops" not in made.plain
+    row = next(line for line in made.text.splitlines() if one in line and other in line)
     (loop,) = yaml.safe_load(row.lstrip("# "))
-    whole_model().model_validate(plain | {"loops": [loop]})
+    whole_model().model_validate(made.plain | {"loops": [loop]})
     assert {loop["a"]["link"], loop["b"]["link"]} == {one, other}

@@ -7,25 +7,17 @@ from pathlib import Path
 import pytest
 from hands import COUPLED, PINCHER, robot
 from mjcfs import ROBOTS, TET
+from proposals import proposed
 
 from assetbuild.cli.check import check
-from assetbuild.init import propose, write
 from assetbuild.init.mjcf import robot_name
-from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.recipe.models import Recipe
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
 
 
-def initialised(file: Path, folder: Path) -> tuple[Recipe, str]:
-    """The recipe that `init` writes into `folder`, read again, and its text."""
-    out = folder / "recipe.yaml"
-    write(propose(file, out, {}), force=True)
-    return load_recipe(out).recipe, out.read_text()
-
-
 def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
-    recipe, text = initialised(ROBOTS / "hard_arm.xml", tmp_path)
+    made = proposed(ROBOTS / "hard_arm.xml", tmp_path)
+    recipe, text = made.recipe, made.text
     assert recipe.source.mjcf == "hard_arm.xml"
     assert recipe.collision.default.method == "keep"
     assert "base" not in recipe.model_fields_set, "the source says it"
@@ -43,8 +35,7 @@ def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_fol
     (folder / "a.obj").write_text(TET)
     text = LEG.replace('"one leg"', f'"{name}"').replace("../meshes", ".")
     (folder / "scene.xml").write_text(text)
-    recipe, _ = initialised(folder / "scene.xml", tmp_path)
-    assert recipe.robot == "one_leg"
+    assert proposed(folder / "scene.xml", tmp_path).recipe.robot == "one_leg"
 
 
 def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
@@ -53,8 +44,7 @@ def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
     (tmp_path / "robot/cell/scene.xml").write_text(scene)
     (tmp_path / "robot/leg.xml").write_text(LEG.replace("../meshes", ".."))
     (tmp_path / "robot/a.obj").write_text(TET)
-    recipe, _ = initialised(tmp_path / "robot/cell/scene.xml", tmp_path)
-    source = recipe.source
+    source = proposed(tmp_path / "robot/cell/scene.xml", tmp_path).recipe.source
     assert (source.path, source.mjcf) == ("robot", "cell/scene.xml")
     assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
 
@@ -64,10 +54,9 @@ LIMB = '<geom size=".1"/><body><joint/><geom size=".1"/></body>'
 
 def test_of_several_robots_in_one_world_the_first_is_proposed(tmp_path: Path):
     ant = f'<body name="ant"><freejoint/>{LIMB}</body><body name="bee"><freejoint/>{LIMB}</body>'
-    (tmp_path / "two.xml").write_text(f"<mujoco><worldbody>{ant}</worldbody></mujoco>")
-    recipe, text = initialised(tmp_path / "two.xml", tmp_path)
-    assert recipe.source.body == "ant"
-    assert "# or bee: one recipe builds one robot" in text
+    made = proposed(f"<mujoco><worldbody>{ant}</worldbody></mujoco>", tmp_path)
+    assert made.recipe.source.body == "ant"
+    assert "# or bee: one recipe builds one robot" in made.text
 
 
 FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name="palm"><geom size=".04" mass=".3"/><body name="near" pos="0 0 .05"><joint name="knuckle" axis="0 1 0" range="0 90" armature="0.0003"/><geom size=".01" mass=".02"/></body></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
@@ -75,14 +64,13 @@ FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name
 
 def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tmp_path: Path):
     """A robot that nothing drives is never ready; mjlab's are driven from Python."""
-    (tmp_path / "finger.xml").write_text(FINGER)
-    recipe, text = initialised(tmp_path / "finger.xml", tmp_path)
-    (row,) = recipe.actuators
+    made = proposed(FINGER, tmp_path)
+    (row,) = made.recipe.actuators
     assert (row.joints, row.model, row.guessed, row.armature) == ("knuckle", "pd", True, 0.0003)
-    assert "The source drives no joint" in text
+    assert "The source drives no joint" in made.text
 
 
-def dog(folder: Path, more: str = "") -> Path:
+def dog(more: str = "") -> str:
     """Four legs of two links of 0.2 m, whose shanks end in a ball. more: after its world."""
     shape = '<geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01" contype="0" conaffinity="0"/>'
     ball = '<geom type="sphere" pos="0 0 -0.2" size="0.02"/>'
@@ -96,20 +84,15 @@ def dog(folder: Path, more: str = "") -> Path:
         </body></body>"""
         for name, x, y in (("a", 0.2, 0.1), ("b", 0.2, -0.1), ("c", -0.2, 0.1), ("d", -0.2, -0.1))
     )
-    file = folder / "dog.xml"
-    file.write_text(
-        f"""<mujoco model="dog"><compiler angle="radian"/><worldbody>
-        <body name="trunk" pos="0 0 0.5">
-        <freejoint/><inertial mass="5" pos="0 0 0" diaginertia="0.05 0.1 0.1"/>
-        <geom type="box" size="0.2 0.1 0.05"/>{legs}</body></worldbody>{more}</mujoco>"""
-    )
-    return file
+    return f"""<mujoco model="dog"><compiler angle="radian"/><worldbody>
+    <body name="trunk" pos="0 0 0.5">
+    <freejoint/><inertial mass="5" pos="0 0 0" diaginertia="0.05 0.1 0.1"/>
+    <geom type="box" size="0.2 0.1 0.05"/>{legs}</body></worldbody>{more}</mujoco>"""
 
 
 def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
     """The ball, not the knee, belongs below the hip."""
-    recipe, _ = initialised(dog(tmp_path), tmp_path)
-    joints = recipe.keyframes["home"].joints
+    joints = proposed(dog(), tmp_path).recipe.keyframes["home"].joints
     hip, knee = (next(v for k, v in joints.items() if k.endswith(end)) for end in ("hip", "knee"))
     assert hip == pytest.approx(-knee / 2.0, abs=0.02)
 
@@ -122,23 +105,20 @@ def test_a_home_that_is_not_on_the_floor_is_put_there(height: float, raised: boo
     pose = "0.5 -1 " * 4
     home = f'<key name="home" qpos="0 0 {height} 1 0 0 0 {pose}" ctrl="{pose}"/>'
     more = f"<actuator>{drives}</actuator><keyframe>{home}</keyframe>"
-    recipe, text = initialised(dog(tmp_path, more), tmp_path)
-    keyframes = {name: (key.base, key.joints) for name, key in recipe.keyframes.items()}
+    made = proposed(dog(more), tmp_path)
+    keyframes = {name: (key.base, key.joints) for name, key in made.recipe.keyframes.items()}
     assert keyframes == ({"home": ("on_ground", {})} if raised else {})
-    assert ("mm inside the floor" in text) == (height < 0.37)
+    assert ("mm inside the floor" in made.text) == (height < 0.37)
 
 
 @pytest.mark.parametrize(("option", "hangs"), [("", True), ('gravity="0 0 0"', False)])
 def test_weak_drives_turn_home_only_where_there_is_weight(option: str, hangs: bool, tmp_path: Path):
     """The arm of Gymnasium's Pusher: 40 N m against motors of 2 N m, without gravity."""
-    (tmp_path / "arm.xml").write_text(
-        f"""<mujoco model="arm"><compiler angle="radian"/><option {option}/><worldbody>
-        <body name="arm" pos="0 0 2"><joint name="lift" axis="0 1 0" range="-1.6 1.6"/>
-        <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/></body></worldbody>
-        <actuator><motor joint="lift" ctrlrange="-2 2"/></actuator></mujoco>"""
-    )
-    recipe, _ = initialised(tmp_path / "arm.xml", tmp_path)
-    assert bool(recipe.keyframes["home"].joints) == hangs
+    text = f"""<mujoco model="arm"><compiler angle="radian"/><option {option}/><worldbody>
+    <body name="arm" pos="0 0 2"><joint name="lift" axis="0 1 0" range="-1.6 1.6"/>
+    <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/></body></worldbody>
+    <actuator><motor joint="lift" ctrlrange="-2 2"/></actuator></mujoco>"""
+    assert bool(proposed(text, tmp_path).recipe.keyframes["home"].joints) == hangs
 
 
 @pytest.mark.parametrize(("springs", "guessed"), [(3, False), (1, True)])
@@ -152,11 +132,9 @@ def test_a_mechanism_that_springs_move_gets_no_guessed_drives(
         inner = f"""<body name="b{number}" pos="0 0 .1"><joint name="j{number}" axis="0 1 0"
         range="-1 1" {spring}/><geom type="capsule" fromto="0 0 0 0 0 .1" size=".01"/>
         {inner}</body>"""
-    (tmp_path / "soft.xml").write_text(
-        f'<mujoco model="soft"><compiler angle="radian"/><worldbody>{inner}</worldbody></mujoco>'
-    )
-    recipe, _ = initialised(tmp_path / "soft.xml", tmp_path)
-    assert any(row.guessed for row in recipe.actuators or ()) == guessed
+    text = f'<mujoco><compiler angle="radian"/><worldbody>{inner}</worldbody></mujoco>'
+    rows = proposed(text, tmp_path).recipe.actuators or ()
+    assert any(row.guessed for row in rows) == guessed
 
 
 @pytest.mark.parametrize("driven", [True, False])
@@ -167,24 +145,17 @@ def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
     joint = '<joint name="j" axis="0 1 0" range="-1 1" stiffness="3"/>'
     below = '<body name="c" pos="0 0 1"><joint name="k" range="-1 1"/><geom size=".1"/></body>'
     body = f'<body name="b" pos="0 0 1">{joint}<geom size=".1"/>{below}</body>'
-    (tmp_path / "s.xml").write_text(
-        f'<mujoco model="s"><compiler angle="radian"/><worldbody>{body}</worldbody>'
-        f'<actuator><position joint="{"j" if driven else "k"}" kp="50" kv="2" '
-        'forcerange="-9 9"/></actuator></mujoco>'
-    )
-    recipe, text = initialised(tmp_path / "s.xml", tmp_path)
-    targets = recipe.targets
-    assert targets == (("urdf", "mjcf") if driven else ("urdf", "mjcf", "usd"))
-    assert ("it cannot hold the springs of j" in text) == driven
+    driver = f'<position joint="{"j" if driven else "k"}" kp="50" kv="2" forcerange="-9 9"/>'
+    made = proposed(of_bodies(body, f"<actuator>{driver}</actuator>"), tmp_path)
+    assert made.recipe.targets == (("urdf", "mjcf") if driven else ALL)
+    assert ("it cannot hold the springs of j" in made.text) == driven
 
 
-def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ...], str]:
-    """(targets, text) of the recipe."""
-    (tmp_path / "r.xml").write_text(
-        f'<mujoco model="r"><worldbody>{bodies}</worldbody>{more}</mujoco>'
-    )
-    recipe, text = initialised(tmp_path / "r.xml", tmp_path)
-    return recipe.targets, text
+ALL = ("urdf", "mjcf", "usd")
+
+
+def of_bodies(bodies: str, more: str = "") -> str:
+    return f'<mujoco><compiler angle="radian"/><worldbody>{bodies}</worldbody>{more}</mujoco>'
 
 
 def test_a_root_that_weighs_by_a_fixed_body_alone_becomes_one_with_it(tmp_path: Path):
@@ -193,10 +164,10 @@ def test_a_root_that_weighs_by_a_fixed_body_alone_becomes_one_with_it(tmp_path: 
     foot = '<body name="foot"><geom size=".1"/></body>'
     leg = f'<body name="leg"><joint name="j"/><geom size=".1"/>{foot}</body>'
     pelvis = f'<body name="pelvis"><geom size=".1"/>{head}{leg}</body>'
-    targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{pelvis}</body>')
-    assert targets == ("urdf", "mjcf", "usd")
-    assert "fixed_joints: {merge: true, keep_bodies: [foot]}" in text
-    assert "# root cannot be simulated alone" in text
+    made = proposed(of_bodies(f'<body name="root"><freejoint/>{pelvis}</body>'), tmp_path)
+    assert made.recipe.targets == ALL
+    assert "fixed_joints: {merge: true, keep_bodies: [foot]}" in made.text
+    assert "# root cannot be simulated alone" in made.text
 
 
 def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):
@@ -205,9 +176,9 @@ def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):
     thigh = f'<body name="thigh"><joint name="hip"/><geom size=".1"/>{shank}</body>'
     exclude = '<contact><exclude body1="trunk" body2="shank"/></contact>'
     trunk = f'<body name="trunk"><freejoint/><geom size=".1"/>{thigh}</body>'
-    targets, text = proposed(tmp_path, trunk, exclude)
-    assert targets == ("urdf", "mjcf")
-    assert "foot has no mass, and is excluded from other pairs than shank" in text
+    made = proposed(of_bodies(trunk, exclude), tmp_path)
+    assert made.recipe.targets == ("urdf", "mjcf")
+    assert "foot has no mass, and is excluded from other pairs than shank" in made.text
 
 
 def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_path: Path):
@@ -215,23 +186,20 @@ def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_pa
     mark = '<body name="mark"><inertial pos="0 0 0" mass="1e-9" diaginertia="0 0 0"/></body>'
     leg = f'<body name="leg"><joint name="j"/><geom size=".1"/>{mark}</body>'
     trunk = f'<body name="trunk"><geom size=".1"/>{leg}</body>'
-    targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{trunk}</body>')
-    assert targets == ("urdf", "mjcf", "usd")
-    assert "# root, mark cannot be simulated alone" in text
+    made = proposed(of_bodies(f'<body name="root"><freejoint/>{trunk}</body>'), tmp_path)
+    assert made.recipe.targets == ALL
+    assert "# root, mark cannot be simulated alone" in made.text
 
 
 def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
     """Water acts on the size of a body, which follows from its inertia: it feels moved mass."""
     joints = "".join(f'<joint name="{a}" axis="{v}"/>' for a, v in (("x", "1 0 0"), ("y", "0 1 0")))
+    fin = f'<body name="fin" pos=".2 0 0">{joints}<geom size=".1"/></body>'
+    body = f'<body name="b"><geom size=".1"/>{fin}</body>'
     for density, shares in (("0", True), ("1000", False)):
-        (tmp_path / "fin.xml").write_text(
-            f'<mujoco model="fin"><option density="{density}"/><worldbody><body name="b">'
-            f'<geom size=".1"/><body name="fin" pos=".2 0 0">{joints}<geom size=".1"/></body>'
-            "</body></worldbody></mujoco>"
-        )
-        _, text = initialised(tmp_path / "fin.xml", tmp_path)
-        assert ("share_mass" in text) == shares
-        assert ("targets: [urdf, mjcf, usd]" in text) == shares
+        made = proposed(of_bodies(body, f'<option density="{density}"/>'), tmp_path)
+        assert ("share_mass" in made.text) == shares
+        assert (made.recipe.targets == ALL) == shares
 
 
 @pytest.mark.parametrize(
@@ -260,8 +228,7 @@ def test_a_scene_is_called_like_the_robot_in_it(
 
 def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Path):
     """What the source says itself stays: a cone, or how a pad gives way."""
-    source = robot(PINCHER, ["left"], tmp_path, COUPLED)
-    text = source.read_text()
+    text = robot(PINCHER, ["left"], tmp_path, COUPLED).read_text()
     bare = text.replace('cone="elliptic" impratio="50"', "")
     pad = 'size=".01 .005 .03"'
     for said, cone, pads in (
@@ -270,8 +237,7 @@ def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Pat
         (bare.replace(pad, f'{pad} solref="0.01 1"'), "elliptic", False),
         (bare[: bare.index("<actuator>")] + "</mujoco>", "elliptic", True),
     ):
-        source.write_text(said)
-        recipe, _ = initialised(source, tmp_path)
+        recipe = proposed(said, tmp_path).recipe
         assert recipe.validate_.grip is not None
         assert recipe.mjcf.cone == cone
         assert bool(recipe.contact.links) == pads
@@ -286,8 +252,7 @@ def test_a_loop_of_a_hand_whose_impedance_nobody_states_is_stated_firmer(
     """What the source says of it, its time constant, stays."""
     held = f"<connect body1='left' body2='palm' anchor='0 0 0' {stated}/></equality>"
     source = robot(PINCHER, ["left"], tmp_path, COUPLED.replace("</equality>", held))
-    recipe, _ = initialised(source, tmp_path)
-    loops = recipe.loops
+    loops = proposed(source, tmp_path).recipe.loops
     assert [(row.name, row.solref, row.solimp[0]) for row in loops] == (
         [("left_connect", (0.005, 1.0), 0.999)] if firm else []
     )
@@ -307,8 +272,7 @@ def test_a_lone_limb_is_no_hand_unless_it_is_called_like_one_that_presses(
     name: str, joint: str, is_hand: bool, tmp_path: Path
 ):
     """It starts where its drive can hold it: 0 is no command of it."""
-    (tmp_path / "lone.xml").write_text(LONE.format(name=name, joint=joint))
-    recipe, _ = initialised(tmp_path / "lone.xml", tmp_path)
+    recipe = proposed(LONE.format(name=name, joint=joint), tmp_path).recipe
     assert bool(recipe.contact.links) == is_hand
     assert (recipe.validate_.grip is not None) == is_hand
     assert recipe.keyframes["home"].joints == {joint: 0.75}
@@ -318,7 +282,5 @@ def test_a_hand_of_which_nothing_collides_gets_no_surfaces(tmp_path: Path):
     seen = LONE.format(name="jaw", joint="jaw").replace(
         'mass=".1"', 'mass=".1" contype="0" conaffinity="0"'
     )
-    (tmp_path / "seen.xml").write_text(seen)
-    recipe, _ = initialised(tmp_path / "seen.xml", tmp_path)
-    assert "jaw" not in str(recipe.contact.links)
+    assert "jaw" not in str(proposed(seen, tmp_path).recipe.contact.links)
     assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]

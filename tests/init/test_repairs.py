@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from proposals import proposed
+from tiny import flat_obj
 from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
 
-from assetbuild.init import propose, write
 from assetbuild.init.look import judge, look, turned
 from assetbuild.init.repairs import mended, repairs
 from assetbuild.init.source import find_source
@@ -29,9 +30,7 @@ def chain(*links: str, limits: str = LIMIT) -> str:
 
 
 def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
-    (folder / "bot.urdf").write_text(urdf)
-    write(propose(folder / "bot.urdf", folder / "bot.yaml", {}), force=True)
-    edits = load_recipe(folder / "bot.yaml").recipe.edits
+    edits = proposed(urdf, folder).recipe.edits
     return [edit.model_dump(by_alias=True, exclude_unset=True) for edit in edits]
 
 
@@ -152,7 +151,7 @@ def test_a_follower_without_a_range_gets_the_one_that_it_is_led_to(tmp_path: Pat
 
 def test_two_ranges_that_share_no_position_are_left_and_said_to_be(tmp_path: Path):
     assert edits_for(led(1.0, 0.0, 2.0, 3.0), tmp_path) == []
-    text = (tmp_path / "bot.yaml").read_text()
+    text = (tmp_path / "recipe.yaml").read_text()
     assert "# NOT READY: joint joint1: mimics `joint0`" in text
 
 
@@ -211,20 +210,17 @@ def test_a_missing_mass_is_a_guess_that_says_so(stated: str, tmp_path: Path):
     (edit,) = edits_for(chain(shape("visual", box()) + stated), tmp_path)
     guess = {"link": "link0", "guessed": True, "density": 1000, "open": "hull"}
     assert edit == {"inertia_from_geometry": guess}
-    assert "a guess, as the source states no real mass" in (tmp_path / "bot.yaml").read_text()
-
-
-SHEET = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
-DRAWN_FLAT = "<visual><geometry><mesh filename='sheet.obj'/></geometry></visual>"
+    assert "a guess, as the source states no real mass" in (tmp_path / "recipe.yaml").read_text()
 
 
 def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
     """The build would refuse `open: hull` of it: the collision shape is taken, or a ball."""
-    (tmp_path / "sheet.obj").write_text(SHEET)
-    (edit,) = edits_for(chain(DRAWN_FLAT + shape("collision", box())), tmp_path)
+    (tmp_path / "sheet.obj").write_bytes(flat_obj())
+    drawn = shape("visual", mesh("sheet.obj"))
+    (edit,) = edits_for(chain(drawn + SOLID), tmp_path)
     told = {"link": "link0", "guessed": True, "density": 1000, "from": "collision", "open": "hull"}
     assert edit == {"inertia_from_geometry": told}
-    (edit,) = edits_for(chain(DRAWN_FLAT), tmp_path)
+    (edit,) = edits_for(chain(drawn), tmp_path)
     assert edit["set_inertia"]["mass"] == 0.01
 
 
@@ -237,7 +233,7 @@ def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_shares_that(tmp_pa
     )
     (edit,) = edits_for(cart.replace('"revolute"', '"prismatic"'), tmp_path)
     assert "share_mass" in str(edit)
-    assert load_recipe(tmp_path / "bot.yaml").recipe.targets == ("urdf", "mjcf", "usd")
+    assert load_recipe(tmp_path / "recipe.yaml").recipe.targets == ("urdf", "mjcf", "usd")
 
 
 @pytest.mark.parametrize(
@@ -249,6 +245,5 @@ def test_a_robot_of_which_no_mass_is_known_is_said_to_be_not_ready(
     names, solid = ("base", "arm", "hand"), shape("collision", box())
     links = [link(name, inertial() if name in stated else "", solid) for name in names]
     joints = [joint("to_arm", "base", "arm"), joint("to_hand", "arm", "hand", xyz="0.3 0 0")]
-    (tmp_path / "n.urdf").write_text(robot(*links, *joints))
-    found = propose(tmp_path / "n.urdf", tmp_path / "n.yaml", {}).unmended
+    found = proposed(robot(*links, *joints), tmp_path).proposal.unmended
     assert any("masses" in sentence for sentence in found) is unknown
