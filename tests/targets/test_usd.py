@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pxr import Usd as UsdCore
-from pxr import UsdGeom, UsdPhysics, UsdShade
+from pxr import UsdGeom, UsdPhysics
 from random_robots import inertials, unit_vectors
 from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped, with_kinds, with_mimic

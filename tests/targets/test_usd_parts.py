@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pxr import Sdf, Usd, UsdPhysics
+from pxr import Sdf, Usd
 from robot_files import check_inputs, models, run_step, write_robot_ports
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Camera, Contact, LoopEnd
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
 from assetbuild.robot.sections import About
@@ -96,11 +95,13 @@ def test_a_variant_has_the_words_of_its_engines_and_all_of_them(tmp_path: Path, 
 
 # --- surfaces ------------------------------------------------------------------------------------
 
+PLAIN = UsdOptions()
+
 
 def build(
-    robot: TinyRobot, folder: Path, options: dict[str, object] | None = None
+    robot: TinyRobot, folder: Path, options: UsdOptions = PLAIN
 ) -> tuple[Usd.Stage, list[Finding]]:
-    target = UsdTarget(robot="robot", options=UsdOptions.model_validate(options or {}))
+    target = UsdTarget(robot="robot", options=options)
     inputs = check_inputs(folder, robot, target, "usd")
     found = run_step(target, inputs, folder / "again")
     return Usd.Stage.Open(str(inputs / "usd/robot.usda")), found
@@ -121,44 +122,24 @@ def test_each_value_that_physx_cannot_hold_is_told_once(tmp_path: Path) -> None:
     assert told == ["condim", torsion, "priority", "solref", "solimp", "margin", "gap"]
 
 
-def test_joints_start_at_home_and_else_inside_of_their_limits(tmp_path: Path) -> None:
-    stage, found = build(tiny_quadruped(), tmp_path / "home")
-    knee = stage.GetPrimAtPath("/robot/Joints/FR_calf_joint")
-    assert knee.GetAttribute("state:angular:physics:position").Get() == pytest.approx(-91.67, 1e-3)
-    assert not [f for f in found if f.rule == "usd.start"]
-
+def test_joints_without_a_home_start_inside_of_their_limits(tmp_path: Path) -> None:
     homeless = tiny_quadruped()
     homeless = replace(homeless, control=replace(homeless.control, keyframes=()))
-    stage, found = build(homeless, tmp_path / "homeless")
+    stage, found = build(homeless, tmp_path)
     knee = stage.GetPrimAtPath("/robot/Joints/FR_calf_joint")
     at_limit = knee.GetAttribute("state:angular:physics:position").Get()
     assert at_limit == pytest.approx(knee.GetAttribute("physics:upperLimit").Get())
     assert len([f for f in found if f.rule == "usd.start"]) == 4
+    assert not [f for f in build(tiny_quadruped(), tmp_path / "home")[1] if f.rule == "usd.start"]
 
 
-def test_the_recipe_decides_what_only_physx_knows(tmp_path: Path) -> None:
-    options: dict[str, object] = {
-        "instanceable": False,
-        "drive_type": "acceleration",
-        "mimics": False,
-        "rigid_body": {"max_depenetration_velocity": 5.0, "angular_damping": 0.05},
-        "articulation": {"self_collisions": False, "solver_position_iterations": 32},
-    }
+def test_a_mimic_that_the_recipe_leaves_out_is_told(tmp_path: Path) -> None:
     robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", 1.0, 0.0)
-    stage, found = build(robot, tmp_path, options)
-    trunk = stage.GetPrimAtPath("/robot/trunk")
-    assert trunk.GetAttribute("physxRigidBody:maxDepenetrationVelocity").Get() == 5.0
-    assert trunk.GetAttribute("physxRigidBody:angularDamping").Get() == pytest.approx(0.05)
-    assert trunk.GetAttribute("physxArticulation:solverPositionIterationCount").Get() == 32
-    assert trunk.GetAttribute("physxArticulation:enabledSelfCollisions").Get() is False
-    joint = stage.GetPrimAtPath("/robot/Joints/FL_hip_joint")
-    assert UsdPhysics.DriveAPI(joint, "angular").GetTypeAttr().Get() == "acceleration"
-    assert not joint.HasRelationship("newton:mimicJoint")
+    stage, found = build(robot, tmp_path, UsdOptions(mimics=False))
+    assert not stage.GetPrimAtPath("/robot/Joints/FL_hip_joint").HasRelationship(
+        "newton:mimicJoint"
+    )
     assert [f.rule for f in found if f.subject == "joint FL_hip_joint"] == ["usd.mimic"]
-    assert not [p for p in stage.Traverse() if p.IsInstance()]
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    recipe = whole_model().model_validate(base | {"usd": options})
-    assert UsdTarget.configure(recipe).options == recipe.usd
 
 
 # --- cameras -------------------------------------------------------------------------------------
