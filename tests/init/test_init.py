@@ -12,26 +12,18 @@ from pathlib import Path
 import commands
 import mujoco
 import pytest
+import urdfs
+from proposals import proposed
 
 from assetbuild.cli.init import SCHEMA_FILE, write_schema
-from assetbuild.errors import AssetBuildError, SourceError, UsageError
-from assetbuild.init import propose, write
+from assetbuild.init import propose
 from assetbuild.init.anatomy import study
 from assetbuild.init.drives import STEP_S
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, look
 from assetbuild.init.source import find_source
-from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.mujoco.trials import settle
-
-STL = bytes(80) + (0).to_bytes(4, "little")
-
-
-def initialised(urdf: Path, out: Path, **packages: Path) -> LoadedRecipe:
-    write(propose(urdf, out, packages), force=True)
-    return load_recipe(out)
 
 
 def looked(urdf: Path) -> InspectedRobot:
@@ -77,10 +69,10 @@ def test_the_home_pose_stands_within_the_limits_feet_level_below_the_hips(robots
 def test_the_table_has_a_row_per_limit_and_a_guess_where_effort_is_missing(
     robots: Path, tmp_path: Path
 ):
-    dog = initialised(robots / "four_legs.urdf", tmp_path / "dog.yaml").recipe
+    dog = proposed(robots / "four_legs.urdf", tmp_path).recipe
     assert [row.joints for row in dog.actuators] == [".*_(hip|thigh)_joint", ".*_calf_joint"]
     assert dog.actuators[1].kp == pytest.approx(36 / 0.3, rel=0.05)
-    arm = initialised(robots / "odd_arm.urdf", tmp_path / "arm.yaml").recipe
+    arm = proposed(robots / "odd_arm.urdf", tmp_path).recipe
     models = {row.joints: row.model for row in arm.actuators}
     assert models == {
         "shoulder": "pd", "elbow": "pd", "wrist": "pd", "left_slide": "pd",
@@ -93,49 +85,6 @@ def test_the_table_has_a_row_per_limit_and_a_guess_where_effort_is_missing(
 # --- files ----------------------------------------------------------------------------------
 
 
-def package(folder: Path, uri: str, mesh: str) -> Path:
-    """`robots/urdf/r.urdf` whose one mesh is `uri`; the file lies at `mesh`."""
-    urdf = folder / "robots/urdf/r.urdf"
-    urdf.parent.mkdir(parents=True)
-    (folder / mesh).parent.mkdir(parents=True, exist_ok=True)
-    (folder / mesh).write_bytes(STL)
-    urdf.write_text(
-        f'<robot name="r"><link name="a"><visual><geometry><mesh filename="{uri}"/></geometry>'
-        "</visual></link></robot>"
-    )
-    return urdf
-
-
-@pytest.mark.parametrize(
-    ("uri", "mesh", "root", "packages"),
-    [
-        ("package://pkg/m/a.stl", "pkg/m/a.stl", ".", {"pkg": "pkg"}),
-        ("package:///robots/m/a.stl", "robots/m/a.stl", "robots", {"robots": "."}),
-        ("package://renamed/m/a.stl", "robots/m/a.stl", "robots", {"renamed": "."}),
-        ("../m/a.stl", "robots/m/a.stl", "robots", {}),
-    ],
-)
-def test_packages_are_found_above_the_urdf_and_written_down(
-    tmp_path: Path, uri: str, mesh: str, root: str, packages: dict[str, str]
-):
-    urdf = package(tmp_path, uri, mesh)
-    source = find_source(urdf, {})
-    assert source.root == (tmp_path / root).resolve()
-    assert source.recipe.packages == packages
-    assert (source.root / source.recipe.description).samefile(urdf)
-
-
-def test_a_package_that_is_nowhere_is_named_with_its_line(tmp_path: Path):
-    urdf = package(tmp_path, "package://far/m/a.stl", "elsewhere/m/a.stl")
-    with pytest.raises(SourceError, match=r"r\.urdf:1: .*package `far`") as error:
-        find_source(urdf, {})
-    assert "--package far=FOLDER" in error.value.hint
-    source = find_source(urdf, {"far": tmp_path / "elsewhere"})
-    assert source.recipe.packages == {"far": "elsewhere"}
-    with pytest.raises(UsageError, match="no such folder"):
-        find_source(urdf, {"far": tmp_path / "nowhere"})
-
-
 def test_the_source_is_relative_to_the_recipe_wherever_one_stands(
     robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -143,7 +92,7 @@ def test_the_source_is_relative_to_the_recipe_wherever_one_stands(
     (tmp_path / "recipes").mkdir()
     (tmp_path / "other").mkdir()
     monkeypatch.chdir(tmp_path / "other")
-    recipe = initialised(Path("../dog.urdf"), Path("../recipes/dog.yaml")).recipe
+    recipe = proposed(Path("../dog.urdf"), Path("../recipes")).recipe
     assert (recipe.source.path, recipe.source.urdf) == ("..", "dog.urdf")
 
 
@@ -164,15 +113,11 @@ ROD = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="
 
 @pytest.mark.parametrize("height", [0.5, None], ids=["mass up z", "mass up y"])
 def test_meshes_are_turned_where_the_mass_says_so(tmp_path: Path, height: float | None):
-    com = f"0 0 {height}" if height else "0 0.5 0"
     (tmp_path / "rod.dae").write_text(ROD)
-    (tmp_path / "r.urdf").write_text(
-        f"""<robot name="r"><link name="rod"><inertial><origin xyz="{com}"/><mass value="1"/>
-        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-        <visual><geometry><mesh filename="rod.dae"/></geometry></visual></link></robot>"""
-    )
-    loaded = initialised(tmp_path / "r.urdf", tmp_path / "r.yaml")
-    assert loaded.recipe.source.honour_up_axis == ((".*",) if height else ())
+    solid = urdfs.inertial(xyz=f"0 0 {height}" if height else "0 0.5 0")
+    rod = urdfs.link("rod", solid, urdfs.shape("visual", urdfs.mesh("rod.dae")))
+    source = proposed(urdfs.robot(rod), tmp_path).recipe.source
+    assert source.honour_up_axis == ((".*",) if height else ())
 
 
 def test_the_schema_that_the_first_line_names_lies_beside_the_recipe(robots: Path, tmp_path: Path):
@@ -188,18 +133,6 @@ def test_the_schema_that_the_first_line_names_lies_beside_the_recipe(robots: Pat
     schema.write_text("{}")
     write_schema(schema)
     assert schema.read_text() == "{}", "a file of somebody else is left alone"
-
-
-@pytest.mark.parametrize(
-    "text", ["", "not xml", "<robot/>", '<robot name="r"><link name="a"/><link name="b"/></robot>']
-)
-def test_bad_input_is_one_clear_error(tmp_path: Path, text: str):
-    bad = tmp_path / "bad.urdf"
-    bad.write_text(text)
-    with pytest.raises(AssetBuildError, match=r"bad\.urdf"):
-        propose(bad, None, {})
-    with pytest.raises(AssetBuildError, match="no such file"):
-        propose(tmp_path / "none.urdf", None, {})
 
 
 # --- the whole way --------------------------------------------------------------------------

@@ -13,9 +13,10 @@ import yaml
 from urdfs import inertial, joint, link, mesh, robot, shape
 
 from assetbuild.cli.check import check
-from assetbuild.errors import SourceError
+from assetbuild.errors import SourceError, UsageError
 from assetbuild.findings import Finding
 from assetbuild.init import propose, write
+from assetbuild.init.source import find_source
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 OTHER = OBJ.replace("v 1 0 0", "v 2 0 0")
@@ -80,6 +81,22 @@ def drawn(scheme: str) -> str:
 
 # The robot's file, its text, other files | keys of `source` with their values; None: no such key.
 FOUND = {
+    "a package above the URDF": (
+        "robots/urdf/r.urdf", arm("package://pkg/m/a.obj"), {"pkg/m/a.obj": OBJ},
+        {"path": "ws", "packages": {"pkg": "pkg"}},
+    ),
+    "a package of another name than its folder": (
+        "robots/urdf/r.urdf", arm("package://renamed/m/a.obj"), {"robots/m/a.obj": OBJ},
+        {"path": "ws/robots", "packages": {"renamed": "."}, "urdf": "urdf/r.urdf"},
+    ),
+    "three slashes and the folder that holds the package": (
+        "robots/urdf/r.urdf", arm("package:///robots/m/a.obj"), {"robots/m/a.obj": OBJ},
+        {"path": "ws/robots", "packages": {"robots": "."}},
+    ),
+    "no package at all": (
+        "robots/urdf/r.urdf", arm("../m/a.obj"), {"robots/m/a.obj": OBJ},
+        {"path": "ws/robots", "packages": None},
+    ),
     "a name that starts from the package": (
         "arm/urdf/arm.urdf", arm("meshes/a.obj"), {"arm/meshes/a.obj": OBJ},
         {"relative_to": "."},  # of the lowest folder that holds all
@@ -246,6 +263,21 @@ def test_a_xacro_may_include_a_file_of_any_ending(tmp_path: Path, ending: str):
     lay(tmp_path, {"arm/arm.xacro": xacro(body), f"arm/{name}": xacro(link("c").strip())})
     with pytest.raises(SourceError, match=r"root|c"):  # it was read: link c hangs on nothing
         proposed(tmp_path, "arm/arm.xacro")
+
+
+def test_a_package_that_is_nowhere_may_be_given(tmp_path: Path):
+    lay(tmp_path, {"r.urdf": arm("package://far/m/a.obj")})
+    far, file = tmp_path / "elsewhere/m/a.obj", tmp_path / "ws/r.urdf"
+    far.parent.mkdir(parents=True)
+    far.write_text(OBJ)
+    with pytest.raises(SourceError, match=r"r\.urdf:2: .*package `far`") as error:
+        find_source(file, {})
+    assert "--package far=FOLDER" in error.value.hint
+    assert find_source(file, {"far": tmp_path / "elsewhere"}).recipe.packages == {
+        "far": "elsewhere"
+    }
+    with pytest.raises(UsageError, match="no such folder"):
+        find_source(file, {"far": tmp_path / "nowhere"})
 
 
 # --- names that are patched -----------------------------------------------------------------

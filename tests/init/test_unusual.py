@@ -12,7 +12,7 @@ import urdfs
 from proposals import proposed
 from tiny import stl
 
-from assetbuild.errors import SourceError
+from assetbuild.errors import AssetBuildError, SourceError
 from assetbuild.init import propose
 
 INERTIAL = urdfs.inertial(xyz="0 0 0.01")
@@ -157,6 +157,11 @@ def test_what_is_no_description_is_refused_with_the_way_on(name: str, hint: str,
     with pytest.raises(SourceError) as caught:
         propose(path, None, {})
     assert hint in caught.value.hint
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path):
+    with pytest.raises(AssetBuildError, match=r"none\.urdf: there is no such file"):
+        propose(tmp_path / "none.urdf", None, {})
 
 
 @pytest.mark.parametrize("name", REFUSED)

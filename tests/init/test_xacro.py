@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from proposals import proposed
 
 from assetbuild.errors import SourceError, UsageError
 from assetbuild.init import propose, write
@@ -76,13 +77,6 @@ def test_arguments_decide_the_robot(packages: Path):
     assert "# effort:" not in text  # given, so not among those that could be
 
 
-def test_a_package_that_is_not_found_says_how_to_name_it(packages: Path):
-    (packages / "ws/parts").rename(packages / "ws/other")
-    with pytest.raises(SourceError, match="no package named `parts`") as raised:
-        initialised(packages)
-    assert "`--package` of `init`" in raised.value.hint
-
-
 def test_an_argument_that_the_robot_does_not_have_is_refused(packages: Path):
     with pytest.raises(SourceError, match="--arg efort: ") as raised:
         initialised(packages, efort="30")
@@ -113,13 +107,12 @@ def test_a_xacro_that_calls_itself_urdf_is_one(packages: Path):
 
 def test_a_urdf_that_only_declares_the_namespace_is_none(robots: Path, tmp_path: Path):
     text = (robots / "four_legs.urdf").read_text()
-    (tmp_path / "dog.urdf").write_text(text.replace("<robot ", f"<robot {NAMESPACE} ", 1))
-    assert "  urdf: dog.urdf" in propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text
+    dog = text.replace("<robot ", f"<robot {NAMESPACE} ", 1)
+    assert proposed(dog, tmp_path).recipe.source.urdf == "robot.urdf"
 
 
 def test_a_urdf_that_defines_its_macro_is_a_xacro(robots: Path, tmp_path: Path):
     macro = "<xacro:macro name='tip'><link name='tip'/></xacro:macro><xacro:tip/></robot>"
     text = (robots / "four_legs.urdf").read_text().replace("</robot>", macro)
-    (tmp_path / "dog.urdf").write_text(text.replace("<robot ", f"<robot {NAMESPACE} ", 1))
     with pytest.raises(SourceError, match="tip"):  # no joint holds it
-        propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {})
+        proposed(text.replace("<robot ", f"<robot {NAMESPACE} ", 1), tmp_path)
