@@ -145,13 +145,7 @@ IN_A_GRIPPER = [
     + [(gripper(), *row) for row in IN_A_GRIPPER],
 )
 def test_a_planted_change_is_found(
-    tmp_path: Path,
-    robot: TinyRobot,
-    form: str,
-    rule: str,
-    subject: str,
-    pattern: str,
-    new: str,
+    tmp_path: Path, robot: TinyRobot, form: str, rule: str, subject: str, pattern: str, new: str
 ) -> None:
     found = check(robot, tmp_path, replaced(pattern, new), form)
     named = {(f.rule, s): f for f in found for s in (f.subject, *f.data.get("subjects", ()))}

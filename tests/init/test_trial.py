@@ -54,11 +54,7 @@ def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
     ],
 )
 def test_a_robot_that_leans_gets_its_feet_below_its_centre_of_mass(
-    lean: float,
-    off: tuple[float, float],
-    left: float,
-    shift: tuple[float, float],
-    robots: Path,
+    lean: float, off: tuple[float, float], left: float, shift: tuple[float, float], robots: Path
 ):
     trials = itertools.chain(
         [Trial(True, "stands", lean=lean, off=off)],

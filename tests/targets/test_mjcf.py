@@ -18,16 +18,7 @@ from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.robot.model import (
-    Body,
-    Control,
-    Frame,
-    Inertial,
-    Joint,
-    Limits,
-    MjcfOnly,
-    Tree,
-)
+from assetbuild.robot.model import Body, Control, Frame, Inertial, Joint, Limits, MjcfOnly, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.targets.mjcf import Mjcf

@@ -27,14 +27,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Frame, Inertial, Joint, JointKind, Limits, Tree
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy, rotation_of
-from assetbuild.robot.shapes import (
-    Material,
-    Mesh,
-    MeshAsset,
-    Shape,
-    Shapes,
-    Sphere,
-)
+from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.simulators.usd_names import usd_identifier, usd_identifiers
 from assetbuild.targets.usd import Usd
 from assetbuild.targets.usd.bodies import EDGE, principal_axes, within_float32
@@ -97,8 +90,6 @@ def test_physics_is_a_selected_variant_and_none_takes_all_of_it_away(
     assert not [p for p in everything(quadruped) if any(p.HasAPI(api) for api in physics)]
     assert not [p for p in everything(quadruped) if p.IsA(UsdPhysics.Joint)]
     assert quadruped.GetPrimAtPath("/robot/trunk/visuals/trunk_visual/mesh").IsA(UsdGeom.Mesh)
-
-
 
 
 def test_collision_meshes_are_hulls_and_say_when_that_fills_something(tmp_path: Path) -> None:
