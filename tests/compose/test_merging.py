@@ -6,6 +6,7 @@ import re
 from typing import Any
 
 import pytest
+import yaml
 from composites import Named, members
 
 from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
@@ -38,28 +39,17 @@ def gains(made: Recipe) -> dict[str, list[float | None]]:
 
 
 def test_a_row_of_the_base_that_names_joints_of_a_part_wins_over_the_part():
-    made = merged(
-        {
-            "actuators": [
-                {"joints": ".*_hip_joint", "kp": 80},
-                {"joints": "tail|arm_joint1", "kp": 33},
-            ]
-        },
-        {"actuators": [{"joints": "joint.*", "kp": 20}]},
-    )
+    rows = [{"joints": ".*_hip_joint", "kp": 80}, {"joints": "tail|arm_joint1", "kp": 33}]
+    made = merged({"actuators": rows}, {"actuators": [{"joints": "joint.*", "kp": 20}]})
     assert gains(made)["tail"] == gains(made)["arm_joint1"] == [33]
     assert gains(made)["arm_joint2"] == [20]
     assert len(made.actuators) == 3, "a row stays one row, however many names it has"
 
 
 def test_motors_come_with_the_part_and_keep_their_family():
-    made = merged(
-        {"motors": {"m": {"gear": 6}}},
-        {
-            "motors": {"m": {"gear": 9}, "big": {"extends": "m", "effort": 60}},
-            "actuators": [{"joints": ".*", "kp": 1, "motor": "big"}],
-        },
-    )
+    motors = {"m": {"gear": 9}, "big": {"extends": "m", "effort": 60}}
+    drives = [{"joints": ".*", "kp": 1, "motor": "big"}]
+    made = merged({"motors": {"m": {"gear": 6}}}, {"motors": motors, "actuators": drives})
     assert made.motors["m"].gear == 6
     assert made.motors["arm_m"].gear == 9
     assert made.motors["arm_big"].extends == "arm_m"
@@ -121,9 +111,8 @@ def test_the_imu_is_the_bases_and_that_of_a_part_keeps_its_prefix():
     made = merged({"imu": {"link": "trunk"}}, {"imu": {"link": "hand", "sensors": ["gyro"]}})
     assert made.imu is not None
     assert made.imu.link == "trunk"
-    assert {n: (s.kind, s.link) for n, s in made.sensors.items()} == {
-        "arm_imu_ang_vel": ("gyro", "arm_hand")
-    }
+    sensors = {name: (sensor.kind, sensor.link) for name, sensor in made.sensors.items()}
+    assert sensors == {"arm_imu_ang_vel": ("gyro", "arm_hand")}
     alone = merged({}, {"imu": {"link": "hand"}})
     assert alone.imu is not None
     assert (alone.imu.link, alone.sensors) == ("arm_hand", {})
@@ -135,23 +124,16 @@ def test_sensors_and_cameras_of_a_part_sit_on_the_part():
         "cameras": {"eye": {"link": "hand"}, "room": {}},
     }
     made = merged({}, arm)
-    assert (made.sensors["arm_speed"].link, made.sensors["arm_speed"].relative_to) == (
-        "arm_hand",
-        "arm_base",
-    )
+    speed = made.sensors["arm_speed"]
+    assert (speed.link, speed.relative_to) == ("arm_hand", "arm_base")
     assert {n: c.link for n, c in made.cameras.items()} == {"arm_eye": "arm_hand", "arm_room": None}
 
 
 def test_ranges_of_a_part_are_about_the_part():
-    made = merged(
-        {"randomize": {"links": {".*": {"com": 0.02}}, "friction": [0.4, 1]}},
-        {
-            "randomize": {
-                "links": {".*": {"com": 0.001}},
-                "payloads": [{"link": "hand", "mass": [0, 1], "size": [0.1, 0.1, 0.1]}],
-            }
-        },
-    )
+    payload = {"link": "hand", "mass": [0, 1], "size": [0.1, 0.1, 0.1]}
+    arm = {"links": {".*": {"com": 0.001}}, "payloads": [payload]}
+    dog = {"links": {".*": {"com": 0.02}}, "friction": [0.4, 1]}
+    made = merged({"randomize": dog}, {"randomize": arm})
     assert made.randomize is not None
     shift = {n: first_match(made.randomize.links, n) for n in ("trunk", "arm_hand")}
     assert {n: row and row.com for n, row in shift.items()} == {"trunk": 0.02, "arm_hand": 0.001}
@@ -208,61 +190,43 @@ def test_poses_of_a_source_hold_where_no_recipe_has_one():
     assert composed(members(DOG, arm_=ARM)).recipe.keyframes == {}
 
 
+def key_of(words: str) -> tuple[str | int, ...]:
+    """`actuators 0 kp` as the path of a key."""
+    return tuple(int(word) if word.isdigit() else word for word in words.split())
+
+
 @pytest.mark.parametrize(
     ("key", "whose", "own"),
     [
-        (("actuators", 0, "kp"), "base.yaml", ("actuators", 0, "kp")),
-        (("actuators", 1, "kp"), "arm_.yaml", ("actuators", 0, "kp")),
-        (("motors", "arm_m", "gear"), "arm_.yaml", ("motors", "m", "gear")),
-        (
-            ("collision", "links", "arm_hand", "method"),
-            "arm_.yaml",
-            ("collision", "links", "hand", "method"),
-        ),
-        (
-            ("collision", "exclude", "pairs", 1, 0),
-            "arm_.yaml",
-            ("collision", "exclude", "pairs", 0, 0),
-        ),
-        (("sensors", "arm_turn", "link"), "arm_.yaml", ("sensors", "turn", "link")),
-        (
-            ("keyframes", "home", "joints", "arm_joint1"),
-            "arm_.yaml",
-            ("keyframes", "home", "joints", "joint1"),
-        ),
-        (
-            ("keyframes", "home", "joints", "arm_joint2"),
-            "base.yaml",
-            ("compose", 0, "home", "joint2"),
-        ),
-        (
-            ("randomize", "links", "arm_upper", "com"),
-            "arm_.yaml",
-            ("randomize", "links", "upper", "com"),
-        ),
-        (("simulation", "timestep"), "base.yaml", ("simulation", "timestep")),
+        ("actuators 0 kp", "base.yaml", "actuators 0 kp"),
+        ("actuators 1 kp", "arm_.yaml", "actuators 0 kp"),
+        ("motors arm_m gear", "arm_.yaml", "motors m gear"),
+        ("collision links arm_hand method", "arm_.yaml", "collision links hand method"),
+        ("collision exclude pairs 1 0", "arm_.yaml", "collision exclude pairs 0 0"),
+        ("sensors arm_turn link", "arm_.yaml", "sensors turn link"),
+        ("keyframes home joints arm_joint1", "arm_.yaml", "keyframes home joints joint1"),
+        ("keyframes home joints arm_joint2", "base.yaml", "compose 0 home joint2"),
+        ("randomize links arm_upper com", "arm_.yaml", "randomize links upper com"),
+        ("simulation timestep", "base.yaml", "simulation timestep"),
     ],
 )
 def test_a_row_keeps_the_line_where_it_is_written(key, whose, own):
-    dog = {
-        "actuators": [{"joints": ".*", "kp": 80}],
-        "collision": {"exclude": {"pairs": [["trunk", "FL_foot"]]}},
-        "keyframes": {"home": {"joints": {"tail": 1}}},
-        "simulation": {"timestep": 0.004},
-    }
-    arm = {
-        "motors": {"m": {"gear": 9}},
-        "actuators": [{"joints": ".*", "kp": 20}],
-        "collision": {
-            "links": {"hand": {"method": "hull"}},
-            "exclude": {"pairs": [["hand", "base"]]},
-        },
-        "keyframes": {"home": {"joints": {"joint1": 0.5, "joint2": 0.1}}},
-        "sensors": {"turn": {"kind": "gyro", "link": "upper"}},
-        "randomize": {"links": {"upper": {"com": 0.001}}},
-    }
+    dog = yaml.safe_load("""
+        actuators: [{joints: .*, kp: 80}]
+        collision: {exclude: {pairs: [[trunk, FL_foot]]}}
+        keyframes: {home: {joints: {tail: 1}}}
+        simulation: {timestep: 0.004}
+    """)
+    arm = yaml.safe_load("""
+        motors: {m: {gear: 9}}
+        actuators: [{joints: .*, kp: 20}]
+        collision: {links: {hand: {method: hull}}, exclude: {pairs: [[hand, base]]}}
+        keyframes: {home: {joints: {joint1: 0.5, joint2: 0.1}}}
+        sensors: {turn: {kind: gyro, link: upper}}
+        randomize: {links: {upper: {com: 0.001}}}
+    """)
     base = Named(DOG.joints, DOG.links, dog)
     found = members(base, arm_=Named(ARM.joints, ARM.links, arm, {"home": {"joint2": 0.7}}))
     recipes = {member.loaded.file: member.loaded for member in found}
-    assert composed(found).where(key) == recipes[whose].where(own)
-    assert recipes[whose].where(own) != recipes[whose].where(own[:-1])
+    line = recipes[whose].where(key_of(own))
+    assert composed(found).where(key_of(key)) == line != recipes[whose].where(key_of(own)[:-1])
