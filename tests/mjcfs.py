@@ -12,6 +12,7 @@ import numpy as np
 from robot_files import run_step
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.control.plan import control_step
 from assetbuild.findings import Finding
 from assetbuild.geometry.assemble import Assemble, Use
@@ -147,6 +148,16 @@ def write(reading: Reading, folder: Path, **recipe: object) -> Written:
         shutil.copytree(reading.files, ports / "files")
     control = decode(Control, (ports / "control.json").read_bytes())
     return Written(ports, control, findings)
+
+
+def written(text: str, folder: Path, **recipe: object) -> Written:
+    """The MJCF of the text of an MJCF."""
+    return write(read(text, folder / "read"), folder / "out", **recipe)
+
+
+def compared(done: Written) -> set[str]:
+    """Rules by which the check objects to what we write of the source."""
+    return {f.rule for f in run_step(MjcfSource(robot="robot"), done.inputs, done.inputs / "check")}
 
 
 def _said(reading: Reading) -> Path:

@@ -7,10 +7,8 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import Written, read, same_motion, write
-from robot_files import run_step
+from mjcfs import Written, compared, read, same_motion, write, written
 
-from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.findings import Finding
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator
@@ -34,17 +32,8 @@ GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 
 SEVEN = 'actuatorfrcrange="-7 7"'
 
 
-def written(text: str, folder: Path, **recipe: object) -> Written:
-    return write(read(text, folder / "read"), folder / "out", **recipe)
-
-
 def drive_of(done: Written) -> Actuator:
     return done.control.by_joint["j"]
-
-
-def compared(done: Written) -> set[str]:
-    out = done.inputs.parent / f"check{len(list(done.inputs.parent.iterdir()))}"
-    return {f.rule for f in run_step(MjcfSource(robot="robot"), done.inputs, out)}
 
 
 # --- actuatorfrcrange -----------------------------------------------------------------------
@@ -210,6 +199,6 @@ def test_a_pose_of_the_recipe_keeps_how_the_source_holds_the_root(tmp_path: Path
     """The torso of dm_control's CMU humanoid lies along its z: here a box of 0.2 x 0.6 x 0.2 m."""
     text = """<mujoco><worldbody><body name="torso" pos="0 0 1" euler="90 0 0"><freejoint/>
     <geom type="box" size=".1 .3 .1"/></body></worldbody></mujoco>"""
-    done = write(read(text, tmp_path / "read"), tmp_path / "out", keyframes={"home": {}})
+    done = written(text, tmp_path, keyframes={"home": {}})
     key = mujoco.MjModel.from_xml_path(str(done.xml)).key_qpos[0]
     assert key == pytest.approx([0, 0, 0.3, 2**-0.5, 2**-0.5, 0, 0])

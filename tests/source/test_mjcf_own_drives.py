@@ -8,10 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from mjcfs import Written, read, write
-from robot_files import run_step
+from mjcfs import Written, compared, read, write, written
 
-from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.edits.set_limits import SetLimits
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
@@ -47,10 +45,6 @@ def hand(
     return f"""<mujoco><compiler angle="radian"/><worldbody><body name="palm"><geom size=".05"/>
     {fingers}</body></worldbody>{equality}{TENDON.format(more=more, a=a, b=b)}
     <actuator>{drive}</actuator>{extra}</mujoco>"""
-
-
-def written(text: str, folder: Path, **recipe: object) -> Written:
-    return write(read(text, folder / "read"), folder / "out", **recipe)
 
 
 def row(done: Written) -> Actuator:
@@ -106,7 +100,7 @@ def test_what_a_tendon_does_to_its_joints_the_drive_of_the_leading_one_does(
 def test_it_stays_in_the_mjcf_and_nothing_is_lost_elsewhere(tmp_path: Path):
     text = hand()
     done = written(text, tmp_path)
-    assert run_step(MjcfSource(robot="robot"), done.inputs, tmp_path / "check") == []
+    assert compared(done) == set()
     assert 'tendon="both"' in done.xml.read_text()
     assert lost(done) == set()
     (said,) = [f for f in done.findings if f.rule == "mjcf.own_drive"]
@@ -133,7 +127,7 @@ def test_tendons_that_couple_two_joints_as_an_equality_of_joints_does_are_that(
 ):
     text = hand(c=(0, 0, 0), extra=coupling)
     done = written(text, tmp_path)
-    assert run_step(MjcfSource(robot="robot"), done.inputs, tmp_path / "check") == []
+    assert compared(done) == set()
     assert lost(done) == set()
     mimic = RobotFiles(done.inputs).tree.by_joint["r"].mimic
     assert mimic == Mimic("l", 1.0, 0.0)
@@ -184,7 +178,7 @@ def test_a_command_of_0_to_255_is_a_position_of_the_joint_elsewhere(tmp_path: Pa
     assert (row(done).kp, row(done).kd, row(done).effort) == (320.0, 24.0, 18.0)
     assert row(done).ctrl == pytest.approx((0.0, 0.4 * 255 / 80 / 2))
     assert lost(done) == set()
-    assert run_step(MjcfSource(robot="robot"), done.inputs, tmp_path / "check") == []
+    assert compared(done) == set()
 
 
 @pytest.mark.parametrize("on", ['joint="l"', 'tendon="both"'])
@@ -220,7 +214,7 @@ def test_a_cable_holds_still_in_a_pose_of_which_the_source_says_nothing(tmp_path
         '<geom type="capsule"', '<site name="a" pos="0 0 .2"/><geom type="capsule"', 1
     )
     pose = {"home": {"joints": {}}}
-    done = write(read(text, tmp_path / "read"), tmp_path / "out", keyframes=pose)
+    done = written(text, tmp_path, keyframes=pose)
     model = mujoco.MjModel.from_xml_path(str(done.xml))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
