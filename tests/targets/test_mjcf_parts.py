@@ -112,6 +112,10 @@ def test_materials_that_look_alike_share_one_name(tmp_path: Path) -> None:
     assert model.nmat == 1
 
 
+def emit(robot: TinyRobot, folder: Path) -> list[Finding]:
+    return run_step(Mjcf(robot="robot"), write_robot_ports(folder / "in", robot), folder / "out")
+
+
 # --- loops ---------------------------------------------------------------------------------------
 
 
@@ -125,84 +129,14 @@ def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp
     assert ("mjcf.loop_at_zero" in {finding.rule for finding in emit(robot, tmp_path)}) == told
 
 
-# --- what only MJCF can say ----------------------------------------------------------------------
+# --- what only MJCF can say: the whole way from a source stands in tests/facts/test_mjcf.py -------
 
 
-def emit(robot: TinyRobot, folder: Path) -> list[Finding]:
-    return run_step(Mjcf(robot="robot"), write_robot_ports(folder / "in", robot), folder / "out")
-
-
-def written(folder: Path, *items: MjcfOnly) -> tuple[mujoco.MjModel, str]:
+@pytest.mark.parametrize(
+    ("name", "element"), [("loose", '<freejoint name="loose"/>'), ("", "<freejoint/>")]
+)
+def test_a_free_joint_is_called_as_in_the_source(name: str, element: str, tmp_path: Path):
     robot = tiny_quadruped()
-    robot = replace(robot, control=replace(robot.control, mjcf_only=items))
-    emit(robot, folder)
-    path = folder / "out/mjcf/robot.xml"
-    return mujoco.MjModel.from_xml_path(str(path)), path.read_text()
-
-
-def first(kind: str, model: mujoco.MjModel, index: int = 0) -> str:
-    return str(getattr(model, kind)(index).name)
-
-
-def test_attributes_are_added_to_what_they_belong_to(tmp_path: Path):
-    model, _ = written(tmp_path / "plain")
-    joint, body, geom = first("joint", model, 1), first("body", model, 1), first("geom", model)
-    model, _ = written(
-        tmp_path / "more",
-        MjcfOnly("joint", '<joint stiffness="3" springref="0.5"/>', joint),
-        MjcfOnly("body", '<body gravcomp="0.5"/>', body),
-        MjcfOnly("root", '<body pos="0 0 2"/>', body),
-        MjcfOnly("shape", '<geom group="5"/>', geom),
-        MjcfOnly("option", '<option iterations="7"><flag eulerdamp="disable"/></option>'),
-        MjcfOnly("freejoint", '<freejoint name="loose"/>'),
-    )
-    assert model.joint(joint).stiffness[0] == 3
-    assert model.qpos_spring[model.joint(joint).qposadr[0]] == 0.5
-    assert model.body_gravcomp[model.body(body).id] == 0.5
-    assert model.body(body).pos[2] == 2
-    assert model.geom(geom).group[0] == 5
-    assert model.opt.iterations == 7
-    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-    assert first("joint", model) == "loose"
-
-
-def test_elements_land_in_their_sections_and_bodies(tmp_path: Path):
-    model, _ = written(tmp_path / "plain")
-    joints, body = [first("joint", model, i) for i in (1, 2)], first("body", model, 2)
-    model, text = written(
-        tmp_path / "more",
-        MjcfOnly("body", '<light name="lamp" pos="0 0 1"/>', body),
-        MjcfOnly("body", '<light name="sun" pos="0 0 3"/>'),
-        MjcfOnly("equality", f'<joint name="tie" joint1="{joints[0]}" joint2="{joints[1]}"/>'),
-        MjcfOnly("tendon", f'<fixed name="t"><joint joint="{joints[0]}" coef="2"/></fixed>'),
-        MjcfOnly("actuator", '<general name="pull" tendon="t"/>'),
-        MjcfOnly("sensor", '<tendonpos name="length" tendon="t"/>'),
-        MjcfOnly(
-            "contact", f'<exclude name="no" body1="{body}" body2="{first("body", model, 5)}"/>'
-        ),
-    )
-    assert first("body", model, int(model.light("lamp").bodyid[0])) == body
-    assert int(model.light("sun").bodyid[0]) == 0
-    assert (model.neq, model.ntendon, model.nsensor) == (1, 1, 1)
-    assert first("actuator", model, model.nu - 1) == "pull", "after the robot's own drives"
-    order = [text.index(f"<{tag}") for tag in ("worldbody", "contact", "equality", "tendon")]
-    order += [text.index(f"<{tag}>") for tag in ("actuator", "sensor")]
-    assert order == sorted(order)
-
-
-def test_an_empty_value_takes_an_attribute_away_and_commands_follow_names(tmp_path: Path):
-    model, text = written(tmp_path / "plain")
-    key, last = first("key", model), first("actuator", model, model.nu - 1)
-    name = first("actuator", model)
-    joint = first("joint", model, int(model.actuator(0).trnid[0]))
-    assert f'name="{name}"' in text
-    lens = MjcfOnly("drive", '<position inheritrange="0" group="3"/>', joint)
-    model, _ = written(tmp_path / "more", lens)
-    assert model.actuator(name).group[0] == 3
-    assert not model.actuator(name).ctrllimited[0]
-    _, text = written(tmp_path / "less", MjcfOnly("freejoint", '<freejoint name=""/>'))
-    assert "<freejoint/>" in text
-    said = f'<key><ctrl actuator="{last}" value="0.25"/></key>'
-    changed, _ = written(tmp_path / "command", MjcfOnly("keyframe", said, key))
-    assert changed.key_ctrl[0][-1] == 0.25
-    assert list(changed.key_ctrl[0][:-1]) == list(model.key_ctrl[0][:-1])
+    called = MjcfOnly("freejoint", f'<freejoint name="{name}"/>')
+    emit(replace(robot, control=replace(robot.control, mjcf_only=(called,))), tmp_path)
+    assert element in (tmp_path / "out/mjcf/robot.xml").read_text()
