@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from mjcfs import TET, read
-from source.test_read_mjcf import ARM, refused, robot
+from source.test_read_mjcf import robot
 
 from assetbuild.robot.pose import rotation_of
 from assetbuild.robot.shapes import MeshFile
@@ -69,9 +69,3 @@ def test_a_mesh_in_the_text_becomes_a_file(what: str, tmp_path: Path):
     turn = rotation_of(tuple(model.geom_quat[0]))
     theirs = model.mesh_vert @ turn.T + model.geom_pos[0]
     assert np.sort(ours, axis=0) == pytest.approx(np.sort(theirs, axis=0), abs=1e-6)
-
-
-def test_points_that_are_no_mesh_are_refused_with_their_line(tmp_path: Path):
-    for number, said in enumerate(('vertex="0 1"', f'{POINTS} face="0 1 9"', "")):
-        head = f'<asset>\n<mesh name="m" {said}/></asset>'
-        assert "robot.xml:2: mesh `m`" in refused(robot(ARM, head=head), tmp_path / str(number))

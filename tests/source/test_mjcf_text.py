@@ -170,15 +170,6 @@ def test_init_writes_the_key_where_it_is_needed(tmp_path: Path):
     assert "grammar" not in recipe.read_text()
 
 
-def test_a_grammar_that_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    file, recipe = tmp_path / "arm.xml", tmp_path / "arm.yaml"
-    file.write_text(arm())
-    main(["init", str(file), "-o", str(recipe)])
-    recipe.write_text(recipe.read_text() + "\nmjcf: {grammar: 3.5}\n")
-    assert main(["check", str(recipe)]) == 2
-    assert "3.11 and 4.0" in capsys.readouterr().err
-
-
 def test_an_element_keeps_its_own_line_beside_one_of_that_name_elsewhere(tmp_path: Path):
     text = model(HUB.format("\n" + RING), "\n\n" + COUPLED)
     lines = read(text, tmp_path).lines

@@ -225,6 +225,14 @@ def test_an_included_body_is_found_in_its_own_file(tmp_path: Path):
     assert reading.lines["link a"] == "arm/more.xml:3"
 
 
+SCENE = """\
+<body name="table"><geom size=".5"/></body>
+<body name="hand" mocap="true"><geom size=".1" contype="0" conaffinity="0"/></body>
+<body name="cube" pos="0 0 1"><freejoint name="cube"/><geom size=".1"/><site name="top"/></body>
+<body name="dog" pos="0 0 2"><freejoint name="root"/><geom size=".1"/><body name="leg"><joint name="knee"/><geom size=".1"/></body></body>"""
+ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos name="p" objtype="site" objname="top"/></sensor><equality><weld name="w" body1="hand" body2="leg"/></equality><keyframe><key name="home" qpos="9 9 9 1 0 0 0 0 0 3 1 0 0 0 .5" ctrl=".25"/></keyframe>'
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -246,6 +254,13 @@ def test_an_included_body_is_found_in_its_own_file(tmp_path: Path):
         (robot(ARM, head='<include file="no.xml"/>'), "no file `arm/no.xml` to include"),
         (robot(ARM, head='<include file="../../../etc/passwd"/>'), "leads out of the source"),
         (robot(ARM, head='<include file="robot.xml"/>'), "is included twice"),
+        (robot(ARM, head='<asset>\n<mesh name="m" vertex="0 1"/></asset>'), "robot.xml:2: mesh `m`"),
+        (robot(ARM, head='<asset>\n<mesh name="m" vertex="0 0 0 1 0 0 0 2 0 0 0 3" face="0 1 9"/></asset>'), "robot.xml:2: mesh `m`"),
+        (robot(ARM, head='<asset>\n<mesh name="m"/></asset>'), "robot.xml:2: mesh `m`"),
+        (robot(SCENE, ACTING, '<compiler settotalmass="9"/>'), "`settotalmass` spreads"),
+        (robot(ARM, '<actuator>\n<plugin name="p" plugin="mujoco.pid" joint="j"/></actuator>', '<extension><plugin plugin="mujoco.pid"/></extension>'), "<plugin> is not read"),
+        (robot('<replicate count="9999">' * 3 + '<body><geom size=".1"/></body>' + "</replicate>" * 3), "more than 100000 elements"),
+        (robot('<body><geom size=".1"/><attach model="r" body="b" prefix="x"/></body>', head='<asset><model name="r" file="robot.xml"/></asset>'), "more than 4 deep"),
         (robot('<body name="a"><geom size=".1"/><body name="b"><joint name="j" ref="1"/><geom size=".1"/></body></body>', '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon><actuator>\n<position tendon="t"/></actuator>'), "robot.xml:2: actuator `t` on a joint with `ref`"),
     ],
 )  # fmt: skip
@@ -265,14 +280,6 @@ def test_what_is_left_out_is_told(arm: Reading):
 def test_a_skin_is_left_out_without_its_file(tmp_path: Path):
     more = '<deformable><skin name="s" file="absent.skn"/></deformable>'
     assert "mjcf.dropped" in read(robot(ARM, more), tmp_path).rules()
-
-
-SCENE = """\
-<body name="table"><geom size=".5"/></body>
-<body name="hand" mocap="true"><geom size=".1" contype="0" conaffinity="0"/></body>
-<body name="cube" pos="0 0 1"><freejoint name="cube"/><geom size=".1"/><site name="top"/></body>
-<body name="dog" pos="0 0 2"><freejoint name="root"/><geom size=".1"/><body name="leg"><joint name="knee"/><geom size=".1"/></body></body>"""
-ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos name="p" objtype="site" objname="top"/></sensor><equality><weld name="w" body1="hand" body2="leg"/></equality><keyframe><key name="home" qpos="9 9 9 1 0 0 0 0 0 3 1 0 0 0 .5" ctrl=".25"/></keyframe>'
 
 
 def test_obstacles_beside_a_driven_robot_that_floats_are_left_out_aloud(tmp_path: Path):
@@ -299,11 +306,6 @@ def test_the_recipe_chooses_among_several_robots_in_one_world(tmp_path: Path):
     assert [b.name for b in chosen.links.bodies] == ["bee", "bee2"]
     with pytest.raises(SourceError, match="no body `bea`"):
         read(text, tmp_path / "3", body="bea")
-
-
-def test_one_mass_for_a_whole_scene_is_refused_where_a_part_of_it_goes(tmp_path: Path):
-    head = '<compiler settotalmass="9"/>'
-    assert "`settotalmass` spreads" in refused(robot(SCENE, ACTING, head), tmp_path)
 
 
 # --- copies ---------------------------------------------------------------------------------
@@ -342,20 +344,6 @@ def test_a_sensor_of_a_plugin_is_left_out_and_told(tmp_path: Path):
     (told,) = [f for f in found.findings if f.subject == "sensor grid"]
     assert (told.rule, told.severity) == ("mjcf.dropped", "warning")
     assert [sensor.name for sensor in found.control.sensors] == ["w"]
-
-
-def test_a_plugin_that_moves_something_is_refused(tmp_path: Path):
-    drive = '<actuator>\n<plugin name="p" plugin="mujoco.pid" joint="j"/></actuator>'
-    message = refused(robot(ARM, drive, PLUGIN.replace("sensor.touch_grid", "pid")), tmp_path)
-    assert "<plugin> is not read" in message
-
-
-def test_copies_without_end_are_refused(tmp_path: Path):
-    nested = '<replicate count="9999">' * 3 + '<body><geom size=".1"/></body>' + "</replicate>" * 3
-    assert "more than 100000 elements" in refused(robot(nested), tmp_path / "1")
-    head = '<asset><model name="r" file="robot.xml"/></asset>'
-    text = robot('<body><geom size=".1"/><attach model="r" body="b" prefix="x"/></body>', head=head)
-    assert "more than 4 deep" in refused(text, tmp_path / "2")
 
 
 PULLED = """\
