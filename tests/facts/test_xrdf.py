@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from robot_files import run_step, write_robot_ports
-from tiny import tiny_quadruped
+from tiny import TinyRobot, tiny_quadruped, with_mimic
 
 from assetbuild.facts.readers.xrdf import Xrdf as XrdfFacts
 from assetbuild.findings import Finding
@@ -20,13 +21,16 @@ SAID = XrdfOptions(
 OPTIONS = {"xrdf": SAID.model_dump(mode="json")}
 
 
+def laid_out(folder: Path, robot: TinyRobot, said: XrdfOptions = SAID) -> Path:
+    ports = write_robot_ports(folder, robot)
+    run_step(Urdf(robot="tiny"), ports, ports)
+    run_step(Xrdf(robot="tiny", options=said), ports, ports)
+    return ports
+
+
 @pytest.fixture(scope="module")
 def ports(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("xrdf")
-    ports = write_robot_ports(folder, tiny_quadruped())
-    run_step(Urdf(robot="tiny"), ports, ports)
-    run_step(Xrdf(robot="tiny", options=SAID), ports, ports)
-    return ports
+    return laid_out(tmp_path_factory.mktemp("xrdf"), tiny_quadruped())
 
 
 def proved(ports: Path, folder: Path, *edits: tuple[str, str]) -> list[Finding]:
@@ -43,8 +47,18 @@ def proved(ports: Path, folder: Path, *edits: tuple[str, str]) -> list[Finding]:
         path.write_text(before)
 
 
-def test_what_we_write_is_the_robot(ports: Path, tmp_path: Path):
-    assert proved(ports, tmp_path) == []
+@pytest.mark.parametrize("joints", [".*", "FR_.*"])
+def test_what_we_write_is_the_robot(joints: str, tmp_path: Path):
+    """A joint that follows another, and one outside of the pattern, is not planned."""
+    said = SAID.model_copy(update={"joints": joints})
+    robot = tiny_quadruped()
+    tree, links = (
+        with_mimic(replace(robot, tree=one), "FR_thigh_joint", "FR_calf_joint", -2.0, 0.1).tree
+        for one in (robot.tree, robot.links)
+    )
+    ports = laid_out(tmp_path / "in", replace(robot, tree=tree, links=links), said)
+    step = XrdfFacts(robot="tiny", options={"xrdf": said.model_dump(mode="json")})
+    assert run_step(step, ports, tmp_path) == []
     assert '"facts": 0' not in (tmp_path / "figures.json").read_text()
 
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 import yaml
 from robot_files import run_step, write_robot_ports
-from tiny import TinyRobot, box_obj, four_bar, pendulum, tiny_quadruped, with_mimic
+from tiny import TinyRobot, box_obj, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
@@ -95,31 +95,11 @@ def test_options_bound_the_spheres(tmp_path: Path):
     assert rules(findings) == set()
 
 
-def test_a_mimic_is_left_out_and_the_order_is_the_robots(tmp_path: Path):
-    robot = tiny_quadruped()
-    names = [joint.name for joint in robot.tree.moving_joints]
-    led = with_mimic(robot, names[1], names[2], -2.0, 0.1)
+def test_links_that_a_joint_connects_may_touch(tmp_path: Path):
     options = {"tool_frames": ["FR_foot"], "max_spheres": 1, "min_coverage": 0.0}
-    limits = {".*_hip_joint": 7, ".*": 9}
-    unmerged = with_mimic(replace(robot, tree=robot.links), names[1], names[2], -2.0, 0.1)
-    led = replace(led, links=unmerged.tree)
-    stated, findings = written(tmp_path, led, **options, acceleration=limits)
-    planned = [name for name in names if name != names[1]]
-    assert stated["cspace"]["joint_names"] == planned
-    assert stated["cspace"]["acceleration_limits"] == [7 if "hip" in n else 9 for n in planned]
-    assert stated["cspace"]["jerk_limits"] == [100.0] * 11
-    assert list(stated["default_joint_positions"]) == planned
-    home = dict(robot.control.keyframes[0].joints)
-    assert stated["default_joint_positions"][names[2]] == home[names[2]]
+    stated, findings = written(tmp_path, tiny_quadruped(), **options)
     assert "FR_hip" in stated["self_collision"]["ignore"]["trunk"]
     assert {f.severity for f in findings if f.rule == "xrdf.spheres"} == {"info"}
-
-
-def test_joints_outside_of_the_pattern_keep_their_default_position(tmp_path: Path):
-    options = {"tool_frames": ["FR_foot"], "max_spheres": 1, "joints": "FR_.*"}
-    stated, _ = written(tmp_path, tiny_quadruped(), **options)
-    assert len(stated["cspace"]["joint_names"]) == 3
-    assert len(stated["default_joint_positions"]) == 12
 
 
 @pytest.mark.parametrize(
