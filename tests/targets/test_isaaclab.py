@@ -212,15 +212,9 @@ DT = tiny_quadruped().control.simulation.timestep
 def written(folder: Path, stiffness: float = 1.0) -> Path:
     """Readings in the words of the script. stiffness: factor on what it holds."""
     robot = tiny_quadruped()
-    facts: list[list[Any]] = [
-        ["body", body.name, "mass, kg", body.inertial.mass_kg if body.inertial else 0.0]
-        for body in robot.tree.bodies
+    facts = [
+        ["joint", drive.joint, "kp", stiffness * drive.kp] for drive in robot.control.actuators
     ]
-    for drive in robot.control.actuators:
-        own, limits = ["joint", drive.joint], robot.tree.by_joint[drive.joint].limits
-        facts += [[*own, "lower", limits.lower], [*own, "upper", limits.upper]]
-        facts += [[*own, "kp", stiffness * drive.kp], [*own, "kd", drive.kd]]
-        facts += [[*own, "armature", drive.armature], [*own, "effort", drive.effort]]
     facts += [["robot", "robot", FALL, fall_m(9.81, DT)], ["robot", "robot", HEIGHT, 0.28]]
     told = {"format": FORMAT, "simulator": "Isaac Lab 3, newton_mjwarp", "facts": facts}
     path = folder / "robot_isaaclab.json"
