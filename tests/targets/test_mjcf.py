@@ -26,30 +26,25 @@ from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import number
 
 
-def write_mjcf(robot: TinyRobot, folder: Path, name: str = "robot") -> Path:
-    emit(robot, folder, name)
+def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
+    inputs = write_robot_ports(folder / "in", robot)
+    return run_step(Mjcf(robot=name), inputs, folder / "out")
+
+
+def write_mjcf(robot: TinyRobot, folder: Path) -> Path:
+    emit(robot, folder)
     return folder / "out/mjcf"
 
 
-def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
-    write_robot_ports(folder / "in", robot)
-    return run_step(Mjcf(robot=name), folder / "in", folder / "out")
+def compiled(robot: TinyRobot, folder: Path, file: str = "robot.xml") -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_path(str(write_mjcf(robot, folder) / file))
 
 
 # --- what MuJoCo reads ----------------------------------------------------------------------
 
 
-def test_visuals_are_in_group_2_and_collisions_in_group_3_with_the_recipe_s_friction(
-    tmp_path: Path,
-) -> None:
-    """Friction acts in the scene though MuJoCo's default floor is rougher."""
-    folder = write_mjcf(tiny_quadruped(), tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(folder / "robot.xml"))
-    for index in range(model.ngeom):
-        visual = model.geom(index).name.endswith("_visual")
-        assert model.geom_group[index] == (2 if visual else 3)
-        assert model.geom_contype[index] == model.geom_conaffinity[index] == (0 if visual else 1)
-    model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
+def test_the_recipe_s_friction_acts_though_mujoco_s_floor_is_rougher(tmp_path: Path) -> None:
+    model = compiled(tiny_quadruped(), tmp_path, "scene.xml")
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     data.qpos[2] -= 0.001
@@ -120,9 +115,7 @@ def test_a_flat_body_compiles_in_spite_of_rounding(
     robot = tiny_quadruped()
     root = Body(robot.tree.root, Inertial(1.0, (0.0, 0.0, 0.0), (x, y, z, 0.0, 0.0, 0.0)))
     tree = replace(robot.tree, bodies=(root, *robot.tree.bodies[1:]))
-    emit(replace(robot, tree=tree), tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
-    inertia = model.body(root.name).inertia
+    inertia = compiled(replace(robot, tree=tree), tmp_path).body(root.name).inertia
     assert np.allclose(np.sort(inertia), np.sort((x, y, z)), rtol=1e-14, atol=0)
 
 
@@ -261,7 +254,6 @@ def test_the_floor_is_under_a_robot_that_hangs_and_at_0_under_one_that_stands(
     robots = {"arm": arm, "hand": replace(arm, tree=hand), "dog": tiny_quadruped()}
     height = {}
     for name, robot in robots.items():
-        scene = write_mjcf(robot, tmp_path / name) / "scene.xml"
-        height[name] = mujoco.MjModel.from_xml_path(str(scene)).geom("floor").pos[2]
+        height[name] = compiled(robot, tmp_path / name, "scene.xml").geom("floor").pos[2]
     assert height["arm"] == height["dog"] == 0.0
     assert height["hand"] < -0.2
