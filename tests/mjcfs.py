@@ -19,12 +19,14 @@ from assetbuild.geometry.assemble import Assemble, Use
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode
-from assetbuild.robot.files import SourceControl
+from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Base, Control, Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.usd.unsupported import unsupported
 
 ROBOTS = Path(__file__).parent / "robots" / "mjcf"
 MAIN = "arm/robot.xml"
@@ -158,6 +160,12 @@ def written(text: str, folder: Path, **recipe: object) -> Written:
 def compared(done: Written) -> set[str]:
     """Rules by which the check objects to what we write of the source."""
     return {f.rule for f in run_step(MjcfSource(robot="robot"), done.inputs, done.inputs / "check")}
+
+
+def usd_findings(done: Written) -> list[Finding]:
+    """What a USD of the robot would lose."""
+    files = RobotFiles(done.inputs)
+    return list(unsupported(files.tree, files.control, UsdOptions()))
 
 
 def _said(reading: Reading) -> Path:

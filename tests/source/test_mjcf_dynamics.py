@@ -7,13 +7,9 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import Written, compared, read, same_motion, write, written
+from mjcfs import Written, compared, read, same_motion, usd_findings, write, written
 
-from assetbuild.findings import Finding
-from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator
-from assetbuild.simulators.usd_options import UsdOptions
-from assetbuild.targets.usd.unsupported import unsupported
 
 
 def arm(joint: str = "", drive: str = "", *, more: str = "") -> str:
@@ -162,11 +158,6 @@ def test_a_row_of_the_recipe_has_no_gear(tmp_path: Path):
 # --- springs --------------------------------------------------------------------------------
 
 SPRUNG = 'stiffness="12" springref="0.4"'
-
-
-def usd_findings(done: Written) -> list[Finding]:
-    files = RobotFiles(done.inputs)
-    return list(unsupported(files.tree, files.control, UsdOptions.model_validate({})))
 
 
 def test_a_spring_stays_in_the_mjcf_and_both_losses_are_reported(tmp_path: Path):

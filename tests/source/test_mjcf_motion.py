@@ -6,14 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from mjcfs import read, write
+from mjcfs import usd_findings, written
 from pxr import Usd as UsdCore
 from robot_files import check_inputs, run_step
 from tiny import pendulum
 
 from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
-from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import MjcfOnly
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd
@@ -76,12 +75,10 @@ STILL = {
 
 def told(text: str, folder: Path) -> tuple[list[Finding], list[Finding]]:
     """Findings on the source and on the USD, of lost motion."""
-    done = write(read(text, folder / "read"), folder / "out")
-    files = RobotFiles(done.inputs)
-    usd = unsupported(files.tree, files.control, UsdOptions())
+    done = written(text, folder)
     return (
         [f for f in done.findings if f.rule == "mjcf.motion"],
-        [f for f in usd if f.rule == "usd.motion"],
+        [f for f in usd_findings(done) if f.rule == "usd.motion"],
     )
 
 

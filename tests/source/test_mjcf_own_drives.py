@@ -8,14 +8,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from mjcfs import Written, compared, read, write, written
+from mjcfs import Written, compared, read, usd_findings, write, written
 
 from assetbuild.edits.set_limits import SetLimits
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Mimic
-from assetbuild.simulators.usd_options import UsdOptions
-from assetbuild.targets.usd.unsupported import unsupported
 
 TENDON = '<tendon><fixed name="both" {more}><joint joint="l" coef="{a}"/><joint joint="r" coef="{b}"/></fixed></tendon>'  # noqa: E501
 COUPLED = '<equality><joint joint1="r" joint2="l" polycoef="{c0} {c1} {c2} 0 0"/></equality>'
@@ -53,9 +51,7 @@ def row(done: Written) -> Actuator:
 
 def lost(done: Written) -> set[str]:
     """Rules by which the loss of its motion is reported."""
-    files = RobotFiles(done.inputs)
-    usd = unsupported(files.tree, files.control, UsdOptions())
-    return {f.rule for f in (*done.findings, *usd) if f.rule.endswith(".motion")}
+    return {f.rule for f in (*done.findings, *usd_findings(done)) if f.rule.endswith(".motion")}
 
 
 def command(model: mujoco.MjModel, position: float) -> float:
