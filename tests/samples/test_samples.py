@@ -1,19 +1,24 @@
-"""Drawn robots, written into tree and control."""
+"""Drawn robots, written into tree and control; `dr.yaml` says each range and its source."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+import yaml
 from robot_files import run_step, write_robot_ports
 from tiny import tiny_quadruped
 
 from assetbuild.robot.actuators import RowError
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import decode
+from assetbuild.robot.inertia import pseudo_inertia
 from assetbuild.robot.model import Actuator, Control, MjcfOnly, Tree
-from assetbuild.robot.randomize import Samples
-from assetbuild.robot.ranges import Randomize
+from assetbuild.robot.randomize import Samples, deform
+from assetbuild.robot.ranges import Randomize, RandomMatter, first_match_groups
 from assetbuild.samples.draw_samples import ApplySample, DrawSamples
 from assetbuild.samples.state_ranges import StateRanges
 
@@ -37,23 +42,15 @@ def drawn(ports: Path, randomize: dict, keep: int = 4, judge: int = 100) -> Samp
     return decode(Samples, (ports / "samples.json").read_bytes())
 
 
-@pytest.fixture(scope="module")
-def widely(tmp_path_factory: pytest.TempPathFactory) -> Samples:
-    """Four robots drawn from `WIDE`."""
-    folder = write_robot_ports(tmp_path_factory.mktemp("widely"), tiny_quadruped())
-    return drawn(folder, WIDE)
-
-
 @pytest.mark.slow
-def test_the_same_seed_draws_the_same_robots_and_another_seed_others(ports, widely):
-    first, more = widely, drawn(ports, WIDE, keep=9)
+def test_the_same_seed_draws_the_same_robots_and_another_seed_others(ports):
+    first, more = drawn(ports, WIDE), drawn(ports, WIDE, keep=9)
     assert first.samples == more.samples[:4]
     assert drawn(ports, {**WIDE, "seed": 8}).samples != first.samples
 
 
-def test_a_sample_lands_in_tree_and_control(ports, widely):
-    samples = widely
-    (ports / "samples.json").write_bytes(encode(samples))
+def test_a_sample_lands_in_tree_and_control(ports):
+    samples = drawn(ports, WIDE)
     before = decode(Control, (ports / "control.json").read_bytes())
     run_step(ApplySample(index=2), ports, ports)
     tree = decode(Tree, (ports / "tree.json").read_bytes())
@@ -111,3 +108,78 @@ def test_ranges_of_gains_that_no_drive_has_are_told(tmp_path: Path):
     assert found.data == {"kp": silent, "effort": silent}
     write_robot_ports(tmp_path, robot)
     assert "randomize.idle" not in {f.rule for f in run_step(step, ports, tmp_path / "out")}
+
+
+# --- dr.yaml ----------------------------------------------------------------------------------
+
+RANGES = {
+    "links": {
+        "trunk": {"density": [0.8, 1.25], "com": [0.02, 0.01, 0], "source": "weighed"},
+        ".*": {},
+    },
+    "payloads": [{"link": "imu", "mass": [0, 1], "size": [0.1, 0.1, 0.1], "source": "lidar"}],
+    "joints": {".*_calf_joint": {"kp": [0.5, 2], "delay": [0, 3], "source": "datasheet"}},
+    "friction": [0.4, 1.2],
+}
+
+
+def stated(ports: Path, ranges: dict[str, Any]) -> tuple[dict[str, Any], list[Any]]:
+    step = StateRanges(robot="tiny", randomize=Randomize.model_validate(ranges))
+    findings = run_step(step, ports, ports)
+    return yaml.safe_load((ports / "dr.yaml").read_text()), findings
+
+
+def test_every_number_of_the_file_is_the_recipes_or_the_robots(ports: Path) -> None:
+    """The expected numbers are computed by hand for a trunk of 6.01 kg."""
+    matter = {"density": [0.5, 2], "com": [0.02, 0.01, 0], "stretch": 0.1, "shear": 0.05}
+    payload = {"link": "imu", "mass": [0, 3], "size": [0.2, 0.15, 0.1], "at": [0, 0, 0.1]}
+    joints = {"kd": [0.5, 3], "delay": [1, 2], "encoder_bias": 0.01}
+    ranges = {"seed": 2**63 - 1, "links": {"trunk": matter}, "payloads": [payload]}
+    found, _ = stated(ports, RANGES | ranges | {"joints": {".*_calf_joint": joints}})
+    robot = tiny_quadruped()
+    calf, trunk = robot.control.by_joint["FR_calf_joint"], robot.tree.by_body["trunk"].inertial
+    assert trunk is not None
+    assert found["seed"] == 2**63 - 1
+    row = found["links"]["trunk"]
+    assert row["density"] == [0.5, 2]
+    assert row["mass"] == {"nominal": trunk.mass_kg, "range": [3.005, 12.02]}
+    assert row["com"] == {"nominal": list(trunk.com_m), "shift": [0.02, 0.01, 0]}
+    half = math.log(2.0) / 2.0
+    assert row["log_cholesky"]["alpha"] == pytest.approx([-half, half])
+    assert row["log_cholesky"]["d"] == [-0.1, 0.1] and row["log_cholesky"]["s"] == [-0.05, 0.05]
+    assert row["log_cholesky"]["t"] == [[-0.02, 0.02], [-0.01, 0.01], [0, 0]]
+    assert {word: found["payloads"][0][word] for word in payload} == payload
+    drive = found["joints"]["FR_calf_joint"]
+    assert drive["kd"] == {"nominal": calf.kd, "range": [calf.kd / 2, calf.kd * 3]}
+    assert (drive["delay"], drive["encoder_bias"]) == ([1, 2], [-0.01, 0.01])
+    assert found["contact"]["friction"]["nominal"] == robot.control.contact.friction[0]
+
+
+def test_the_log_cholesky_numbers_are_the_density_and_the_shift(ports: Path) -> None:
+    """U J Uᵀ about the body's origin, as trainers do it, is our draw at the end of its ranges."""
+    found, _ = stated(ports, RANGES)
+    inertial = tiny_quadruped().tree.by_body["trunk"].inertial
+    assert inertial is not None
+    row = found["links"]["trunk"]["log_cholesky"]
+    change = np.eye(4)
+    change[:3, 3] = [high for _, high in row["t"]]
+    change *= math.exp(row["alpha"][1])
+    theirs = change @ pseudo_inertia(inertial) @ change.T
+    ranges = RandomMatter(density=(0.8, 1.25), com=(0.02, 0.01, 0.0))
+    ours = deform(inertial, ranges, np.array([[1.0, 1, 1, 1, 0, 0, 0, 0, 0, 0]]))[0]
+    assert np.allclose(theirs, ours, rtol=1e-12, atol=1e-15)
+
+
+def test_ranges_without_a_reason_are_told(ports: Path) -> None:
+    _, findings = stated(ports, RANGES)
+    assert [(f.rule, f.data["without"]) for f in findings] == [
+        ("randomize.source", ("links..*", "friction"))
+    ]
+    reasons = {**RANGES, "friction_source": "measured"}
+    reasons["links"] = {".*": {"source": "CAD"}}
+    assert stated(ports, reasons)[1] == []
+
+
+def test_the_first_pattern_takes_a_name() -> None:
+    rows = first_match_groups({"a.*": 1, "x": 2, ".*": 3}, ["ab", "b", "ac"])
+    assert rows == [("a.*", 1, ("ab", "ac")), (".*", 3, ("b",))]
