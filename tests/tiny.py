@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -354,6 +354,11 @@ def four_bar(kind: Literal["connect", "weld"] = "connect") -> TinyRobot:
         tuple(Shape(f"{n}_bar", n, "visual", Box((x, 0.02, 0.02))) for n, x in bars.items())
     )
     return TinyRobot(tree, tree, shapes, control)
+
+
+def with_control(robot: TinyRobot, **fields: Any) -> TinyRobot:
+    """The same robot, controlled otherwise. fields: of `Control`."""
+    return replace(robot, control=replace(robot.control, **fields))
 
 
 def with_mimic(

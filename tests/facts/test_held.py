@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from newton_child import KINDS, plain
-from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_control, with_mimic
 
 from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import (
@@ -68,9 +68,8 @@ def test_what_a_simulator_tells_is_expected(
     [("pd", True, "force"), ("ideal_pd", False, "force"), ("passive", False, "none")],
 )
 def test_physx_has_gains_where_it_integrates_the_drive(model: str, gains: bool, drive: str) -> None:
-    robot = pendulum()
     row = Actuator("swing_joint", model, kp=8.0, kd=1.0, effort=5.0)
-    moved = replace(robot, control=replace(robot.control, actuators=(row,)))
+    moved = with_control(pendulum(), actuators=(row,))
     facts = expected(moved).of("joint", "swing_joint")
     assert (facts["kp"], facts["kd"]) == ((8.0, 1.0) if gains else (0.0, 0.0))
     assert facts["physx:drive"] == drive

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from robot_files import run_step, write_robot_ports
-from tiny import TinyRobot, odd_drives, pendulum, sprung, tiny_quadruped, turned
+from tiny import TinyRobot, odd_drives, pendulum, sprung, tiny_quadruped, turned, with_control
 from writer_bugs import plant
 
 from assetbuild.engine.step import Step
@@ -101,7 +101,7 @@ def quadruped(last: str) -> TinyRobot:
         replace(drive, model=models[drive.joint[:2]], kp=80.0 + i, kd=4.0 + i, stall=70.0)
         for i, drive in enumerate(robot.control.actuators)
     )
-    return replace(robot, control=replace(robot.control, actuators=drives))
+    return with_control(robot, actuators=drives)
 
 
 @pytest.mark.parametrize("drawn", [None, RANDOMIZE], ids=["plain", "randomized"])
@@ -158,8 +158,8 @@ def test_names_that_no_usd_can_have_are_still_the_robots(tmp_path: Path):
     (joint,) = robot.tree.joints
     tree = replace(robot.tree, joints=(replace(joint, name="swing.joint"),))
     drive = Actuator("swing.joint", "pd", kp=1.0, kd=0.1, effort=5.0, velocity=10.0)
-    control = replace(robot.control, actuators=(drive,), keyframes=())
-    proof = isaaclab(replace(robot, tree=tree, control=control), tmp_path, None).prove()
+    robot = with_control(replace(robot, tree=tree), actuators=(drive,), keyframes=())
+    proof = isaaclab(robot, tmp_path, None).prove()
     assert proof.findings == ()
     assert proof.found.facts[Key("joint", "swing.joint", "kp")] == 1.0
 

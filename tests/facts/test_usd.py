@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from random_robots import examples, robots
 from robot_files import check_inputs, run_step, spoil_stage
-from tiny import TinyRobot, four_bar, pendulum, sprung, tiny_quadruped
+from tiny import TinyRobot, four_bar, pendulum, sprung, tiny_quadruped, with_control
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.readers._usd import UsdReader, ignored_words
@@ -71,10 +71,9 @@ def test_a_range_that_means_none_is_the_stated_one(end: float, tmp_path: Path) -
 
 
 def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
-    robot = gripper()
     never = Contact(contype=2, conaffinity=1)
-    control = replace(robot.control, contact=never, contacts=(), excludes=())
-    assert check(replace(robot, control=control), tmp_path) == []
+    robot = with_control(gripper(), contact=never, contacts=(), excludes=())
+    assert check(robot, tmp_path) == []
 
 
 @settings(max_examples=examples(40), deadline=None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from robot_files import run_step, write_robot_ports
-from tiny import tiny_quadruped
+from tiny import tiny_quadruped, with_control
 
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode
@@ -98,8 +97,7 @@ def test_ranges_of_gains_that_no_drive_has_are_told(tmp_path: Path):
         for a in robot.control.actuators
     )
     only = MjcfOnly("actuator", '<general name="m" tendon="t"/>')
-    control = replace(robot.control, actuators=rows, mjcf_only=(only,))
-    ports = write_robot_ports(tmp_path, replace(robot, control=control))
+    ports = write_robot_ports(tmp_path, with_control(robot, actuators=rows, mjcf_only=(only,)))
     step = StateRanges(robot="r", randomize=Randomize.model_validate(WIDE))
     (found,) = [f for f in run_step(step, ports, tmp_path / "out") if f.rule == "randomize.idle"]
     assert found.severity == "warning"

@@ -96,7 +96,6 @@ WELD = (
     '<weld name="pin" body1="coupler" body2="rocker" relpose="0.13 0 -0.1 1 0 .1 0" anchor=".1 0 0"'
 )
 LOOSE = f"{WELD} torquescale='2' solimp='.8 .9 .01 .5 2'/>"
-OPEN = '<connect name="pin" body1="coupler" body2="rocker" anchor="0.2 0 0.03" active="false"/>'
 
 
 def four_bar(equality: str, *, base: str = "") -> str:
@@ -151,13 +150,6 @@ def test_a_tether_of_a_floating_robot_stays_in_the_mjcf_with_a_warning(tmp_path:
     assert mujoco.MjModel.from_xml_path(str(done.xml)).neq == 1
     (said,) = [finding for finding in reading.findings if finding.rule == "mjcf.base_constrained"]
     assert said.severity == "warning"
-
-
-def test_a_constraint_that_is_switched_off_closes_nothing(tmp_path: Path):
-    done = built(OPEN, tmp_path)
-    assert done.control.loops == ()
-    model = mujoco.MjModel.from_xml_path(str(done.xml))
-    assert model.neq == 1 and not model.eq_active0[0]
 
 
 @pytest.mark.parametrize(

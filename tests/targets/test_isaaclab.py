@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from robot_files import run_step, write_robot_ports
-from tiny import TinyRobot, pendulum, sprung, tiny_quadruped
+from tiny import TinyRobot, pendulum, sprung, tiny_quadruped, with_control
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reference import Reference, robot_table
@@ -118,7 +118,7 @@ def with_models(*models: ActuatorModel) -> TinyRobot:
         replace(row, model=models[number % len(models)], stall=70.0)
         for number, row in enumerate(robot.control.actuators)
     )
-    return replace(robot, control=replace(robot.control, actuators=rows))
+    return with_control(robot, actuators=rows)
 
 
 @pytest.mark.parametrize("generation", [2, 3])
@@ -146,7 +146,7 @@ def test_quaternions_have_the_order_of_their_generation(generation: int, tmp_pat
     home = robot.control.keyframes[0]
     assert home.base is not None
     turned = replace(home, base=replace(home.base, quat=(half, 0.0, 0.0, half)))
-    robot = replace(robot, control=replace(robot.control, keyframes=(turned,)))
+    robot = with_control(robot, keyframes=(turned,))
     rot = module_of(robot, tmp_path, generation)["ROBOT_CFG"]["init_state"]["rot"]
     assert rot == ([half, 0.0, 0.0, half] if generation == 2 else [0.0, 0.0, half, half])
 
@@ -173,7 +173,7 @@ def test_losses_are_told(tmp_path: Path) -> None:
     found = emit(robot, tmp_path / "usd", has_usd=False)
     assert [f.rule for f in found] == ["isaaclab.no_usd"]
     general = tuple(replace(a, model="general") for a in robot.control.actuators)
-    robot = replace(robot, control=replace(robot.control, actuators=general))
+    robot = with_control(robot, actuators=general)
     assert [f.rule for f in emit(robot, tmp_path / "general")] == ["isaaclab.general"]
     for rest, severity in ((0.5, "error"), (0.0, "info")):
         found = emit(sprung(rest=rest), tmp_path / severity)

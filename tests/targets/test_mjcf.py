@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from robot_files import run_step, write_robot_ports
-from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped
+from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped, with_control
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
@@ -72,7 +72,7 @@ def test_only_pairs_that_mujoco_does_not_filter_are_excluded(tmp_path: Path) -> 
     robot = tiny_quadruped()
     assert ("FR_hip", "trunk") in robot.control.excludes
     pairs = (*robot.control.excludes, ("FR_thigh", "trunk"))
-    floating = replace(robot, control=replace(robot.control, excludes=pairs))
+    floating = with_control(robot, excludes=pairs)
     text = (write_mjcf(floating, tmp_path / "a") / "robot.xml").read_text()
     excluded = re.findall('<exclude body1="([^"]*)" body2="trunk"/>', text)
     # The hips for a base that a user pins, see below; no calf and its thigh.
@@ -125,7 +125,7 @@ def test_a_flat_body_compiles_in_spite_of_rounding(
 def test_what_mjcf_cannot_hold_is_said_once_with_a_count(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     outside = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
-    found = emit(replace(robot, control=replace(robot.control, actuators=outside)), tmp_path)
+    found = emit(with_control(robot, actuators=outside), tmp_path)
     assert [(f.rule, f.severity, f.data["joints"]) for f in found] == [
         ("mjcf.velocity_limit", "info", 12),
         ("mjcf.external_gains", "info", 12),
@@ -178,8 +178,7 @@ def test_body_called_world_is_renamed_in_all_that_names_it(tmp_path: Path) -> No
         joints=(replace(robot.tree.joints[0], parent="world"),),
     )
     item = MjcfOnly("contact", '<exclude name="no" body1="world" body2="arm"/>')
-    control = replace(robot.control, mjcf_only=(item,))
-    found = emit(replace(robot, tree=tree, control=control), tmp_path)
+    found = emit(with_control(replace(robot, tree=tree), mjcf_only=(item,)), tmp_path)
     assert [f.subject for f in found if f.rule == "mjcf.reserved_name"] == ["link world"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert (model.body(1).name, model.nexclude) == ("world_body", 1)

@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import pytest
 from robot_files import check_inputs, run_step, write_robot_ports
-from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_control
 
 from assetbuild.errors import StepError
 from assetbuild.facts.readers._mjcf import MjcfFacts
@@ -43,9 +43,7 @@ CAMERAS = (
 
 
 def robot_with_all() -> TinyRobot:
-    robot = tiny_quadruped()
-    control = replace(robot.control, contacts=FEET, sensors=SENSORS, cameras=CAMERAS)
-    return replace(robot, control=control)
+    return with_control(tiny_quadruped(), contacts=FEET, sensors=SENSORS, cameras=CAMERAS)
 
 
 def built(robot: TinyRobot, folder: Path) -> tuple[mujoco.MjModel, list[Finding], str]:
@@ -84,9 +82,8 @@ def test_a_sensor_without_its_place_is_refused(tmp_path: Path) -> None:
     robot = pendulum()
     drive = replace(robot.control.actuators[0], model="passive")
     sensor = Sensor("t", "actuatorfrc", Place("actuator", "swing_joint"))
-    control = replace(robot.control, actuators=(drive,), sensors=(sensor,))
     with pytest.raises(StepError, match="sensor t: MJCF has no actuatorfrc"):
-        built(replace(robot, control=control), tmp_path)
+        built(with_control(robot, actuators=(drive,), sensors=(sensor,)), tmp_path)
 
 
 def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
@@ -125,8 +122,8 @@ def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp
     robot = four_bar()
     end = LoopEnd("rocker", Pose((rocker, 0.0, 0.0)))
     loop = replace(robot.control.loops[0], b=end)
-    robot = replace(robot, control=replace(robot.control, loops=(loop,)))
-    assert ("mjcf.loop_at_zero" in {finding.rule for finding in emit(robot, tmp_path)}) == told
+    rules = {finding.rule for finding in emit(with_control(robot, loops=(loop,)), tmp_path)}
+    assert ("mjcf.loop_at_zero" in rules) == told
 
 
 # --- what only MJCF can say: the whole way from a source stands in tests/facts/test_mjcf.py -------
@@ -136,7 +133,6 @@ def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp
     ("name", "element"), [("loose", '<freejoint name="loose"/>'), ("", "<freejoint/>")]
 )
 def test_a_free_joint_is_called_as_in_the_source(name: str, element: str, tmp_path: Path):
-    robot = tiny_quadruped()
     called = MjcfOnly("freejoint", f'<freejoint name="{name}"/>')
-    emit(replace(robot, control=replace(robot.control, mjcf_only=(called,))), tmp_path)
+    emit(with_control(tiny_quadruped(), mjcf_only=(called,)), tmp_path)
     assert element in (tmp_path / "out/mjcf/robot.xml").read_text()

@@ -12,7 +12,7 @@ import mujoco
 import pytest
 from mjcfs import read, write
 from robot_files import check_inputs, run_step, write_robot_ports
-from tiny import TinyRobot, pendulum, tiny_quadruped
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_control
 
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
@@ -41,8 +41,8 @@ def built(robot: TinyRobot, folder: Path, target: object) -> Path:
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     sole = robot.control.contact.model_copy(update={"condim": 6, "priority": 1})
-    control = replace(robot.control, contacts=(("FR_foot_collision", sole),))
-    inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
+    robot = with_control(robot, contacts=(("FR_foot_collision", sole),))
+    inputs = write_robot_ports(tmp_path / "in", robot)
     asked = MjxOptions.model_validate({"condim": 3})
     (finding,) = run_step(Mjx(robot="robot", options=asked), inputs, tmp_path / "out")
     assert (finding.rule, finding.data) == ("mjx.condim", {"condim": 3, "was": 6})
@@ -87,11 +87,10 @@ def test_links_that_touch_nothing_are_counted(
 
 
 def test_sensors_that_mjlab_makes_itself_are_left_out(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
     touch = Sensor("touch", "contact", Place("body", "FR_calf"))
     gyro = Sensor("gyro", "gyro", Place("frame", "imu"))
-    control = replace(robot.control, sensors=(touch, gyro))
-    inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
+    robot = with_control(tiny_quadruped(), sensors=(touch, gyro))
+    inputs = write_robot_ports(tmp_path / "in", robot)
     found = run_step(MJLAB, inputs, tmp_path / "out")
     assert [f.data["sensors"] for f in found if f.rule == "mjlab.sensors"] == [("touch",)]
 
@@ -153,9 +152,8 @@ def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
 def test_a_dc_motor_saturates_at_its_stall_torque(
     stall: float | None, said: float, tmp_path: Path
 ) -> None:
-    robot = pendulum()
     drive = Actuator("swing_joint", "dc_motor", 9.0, effort=5.0, velocity=10.0, stall=stall)
-    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    robot = with_control(pendulum(), actuators=(drive,))
     inputs = write_robot_ports(tmp_path / "in", robot)
     found = [f.rule for f in run_step(Mjlab(robot="r"), inputs, tmp_path / "o")]
     found += [f.rule for f in run_step(IsaacLab(robot="r"), inputs, tmp_path / "i")]
@@ -168,9 +166,8 @@ def test_a_dc_motor_saturates_at_its_stall_torque(
 
 
 def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:
-    robot = pendulum()
     drive = Actuator("swing_joint", "general", general=General(gainprm=(1.0,)))
-    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    robot = with_control(pendulum(), actuators=(drive,))
     findings = run_step(Mjlab(robot="r"), write_robot_ports(tmp_path / "in", robot), tmp_path / "o")
     assert [f.rule for f in findings] == ["mjlab.actuator"]
 
@@ -324,8 +321,7 @@ def test_an_arm_whose_base_weighs_and_is_called_world_builds_for_mjlab(tmp_path:
 
 
 def test_a_floating_robot_without_keyframes_is_told_to_add_one(tmp_path: Path):
-    robot = tiny_quadruped()
-    robot = replace(robot, control=replace(robot.control, keyframes=()))
+    robot = with_control(tiny_quadruped(), keyframes=())
     inputs = check_inputs(tmp_path, robot, MJLAB, "mjlab")
     (finding,) = run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out")
     assert finding.rule == "mjlab.buried"

@@ -14,7 +14,7 @@ from defusedxml.ElementTree import fromstring
 from hypothesis import HealthCheck, given, settings
 from random_robots import examples, robots
 from robot_files import run_step, write_robot_ports
-from tiny import CRANK_M, GROUND_M, TinyRobot, four_bar, pendulum
+from tiny import CRANK_M, GROUND_M, TinyRobot, four_bar, pendulum, with_control
 
 from assetbuild.checks._pinocchio import UrdfLoads, loaded
 from assetbuild.control.keep import KeepRatings
@@ -61,7 +61,7 @@ def one_joint(kind: JointKind, limits: Limits) -> TinyRobot:
     joint = replace(robot.links.joints[0], kind=kind, limits=limits)
     row = replace(robot.control.actuators[0], effort=None, velocity=None)
     links = replace(robot.links, joints=(joint,))
-    return replace(robot, links=links, control=replace(robot.control, actuators=(row,)))
+    return with_control(replace(robot, links=links), actuators=(row,))
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def test_a_loop_that_does_not_follow_one_drive_is_an_error(
     rows |= {name: replace(rows["crank_joint"], joint=name) for name in driven}
     if not driven:
         rows["crank_joint"] = Actuator("crank_joint", "passive")
-    control = replace(robot.control, actuators=tuple(rows.values()))
-    (found, told), mimics = written(replace(robot, control=control), tmp_path)
+    robot = with_control(robot, actuators=tuple(rows.values()))
+    (found, told), mimics = written(robot, tmp_path)
     assert (found.rule, told.rule, mimics) == ("loop.mimic", "urdf.loop", {})
     assert said in found.message
 

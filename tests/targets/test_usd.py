@@ -19,7 +19,15 @@ from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics
 from random_robots import inertials, unit_vectors
 from robot_files import check_inputs, run_step, write_robot_ports
-from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped, with_kinds, with_mimic
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    pendulum,
+    tiny_quadruped,
+    with_control,
+    with_kinds,
+    with_mimic,
+)
 
 from assetbuild.errors import StepError
 from assetbuild.facts.readers._usd import UsdReader
@@ -128,7 +136,7 @@ def test_a_base_that_states_zeros_states_no_mass(moment: float, tmp_path: Path) 
     bodies = (replace(robot.tree.bodies[0], inertial=zeros), *robot.tree.bodies[1:])
     robot = replace(robot, tree=replace(robot.tree, bodies=bodies))
     if moment:  # and its joint has no row in the actuator table
-        robot = replace(robot, control=replace(robot.control, actuators=()))
+        robot = with_control(robot, actuators=())
     _, findings = build(robot, tmp_path)
     assert [f.severity for f in findings if f.rule == "usd.mass_missing"] == ["info"]
     inputs = check_inputs(tmp_path / "equal", robot, Usd(robot="robot"), "usd")
