@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeVar
 
 import pytest
 from gripper import gripper
@@ -34,7 +33,6 @@ from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
 
-T = TypeVar("T")
 FORMS: dict[str, tuple[type[Reader], type, str, str]] = {
     "mjcf": (MjcfFacts, Mjcf, "mjcf", "robot.xml"),
     "mjx": (MjxFacts, Mjx, "mjx", "robot_mjx.xml"),
@@ -83,7 +81,7 @@ def test_bodies_with_spaces_in_their_names_make_pairs_of_two(tmp_path: Path) -> 
     """One body is called `world`, which MuJoCo keeps for itself: then names are exchanged."""
     robot, names = tiny_quadruped(), {"trunk": "world", "FR_hip": "hip FR", "FR_thigh": "FR"}
 
-    def renamed(part: T) -> T:
+    def renamed(part):
         text = encode(part).decode()
         for old, new in names.items():
             text = text.replace(f'"{old}"', f'"{new}"')
