@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 
 import pytest
-from urdfs import FILE, Reading, read, refused
+from urdfs import FILE, Reading, link, read, refused, robot, shape
 
 from assetbuild.robot.model import Limits, Mimic
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
@@ -121,7 +121,7 @@ def test_a_version_of_xml_that_does_not_exist_is_told(version: str, tmp_path: Pa
 
 def test_numbers_without_a_rotation_keep_every_bit(tmp_path: Path):
     inertia = 'ixx="0.10000000000000003" ixy="1e-17" ixz="-3.3e-9" iyy=".2" iyz="+4E-3" izz="3."'
-    text = _robot(f'<link name="a"><inertial><origin xyz="1e-300 2 3" rpy="0 -0 0"/>'
+    text = robot(f'<link name="a"><inertial><origin xyz="1e-300 2 3" rpy="0 -0 0"/>'
                   f'<mass value="7.000000000000001"/><inertia {inertia}/></inertial></link>')  # fmt: skip
     inertial = read(text, tmp_path).tree.bodies[0].inertial
     assert inertial is not None
@@ -132,12 +132,8 @@ def test_numbers_without_a_rotation_keep_every_bit(tmp_path: Path):
 # --- what is refused ----------------------------------------------------------------------------
 
 
-def _robot(inside: str) -> str:
-    return f'<robot name="r">\n{inside}\n</robot>\n'
-
-
 def _arm(joint: str, links: str = '<link name="a"/><link name="b"/>') -> str:
-    return _robot(f"{links}\n{joint}")
+    return robot(f"{links}\n{joint}")
 
 
 def _joint(inside: str = "", kind: str = "fixed", name: str = "j") -> str:
@@ -146,11 +142,7 @@ def _joint(inside: str = "", kind: str = "fixed", name: str = "j") -> str:
 
 
 def _mass(mass: str, inertia: str = 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"') -> str:
-    return _robot(f'<link name="a"><inertial>{mass}<inertia {inertia}/></inertial></link>')
-
-
-def _shape(geometry: str, role: str = "collision") -> str:
-    return _robot(f'<link name="a"><{role}><geometry>{geometry}</geometry></{role}></link>')
+    return robot(f'<link name="a"><inertial>{mass}<inertia {inertia}/></inertial></link>')
 
 
 BAD = {
@@ -159,17 +151,17 @@ BAD = {
     "cut off": ('<robot name="r">\n<link name="a">\n', 3, "hint: is the file cut off?"),
     "mjcf": ("<mujoco/>", 1, "this is MJCF, not URDF"),
     "no links": ('<robot name="r"/>', 1, "a robot without links"),
-    "link twice": (_robot('<link name="a"/>\n<link name="a"/>'), 3, "link `a` is defined twice, first on line 2"),
+    "link twice": (robot('<link name="a"/>\n<link name="a"/>'), 3, "link `a` is defined twice, first on line 2"),
     "joint twice": (_arm(_joint() + "\n" + _joint()), 4, "joint `j` is defined twice"),
-    "material twice": (_robot('<material name="m"><color rgba="1 0 0 1"/></material>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
-    "no name": (_robot("<link/>"), 2, "<link> without `name`"),
+    "material twice": (robot('<material name="m"><color rgba="1 0 0 1"/></material>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
+    "no name": (robot("<link/>"), 2, "<link> without `name`"),
     "joint type": (_arm(_joint(kind="revolut")), 3, "hint: did you mean `revolute`?"),
     "no parent": (_arm('<joint name="j" type="fixed"><child link="b"/></joint>'), 3, "joint j: <joint> without <parent>"),
     "no child": (_arm('<joint name="j" type="fixed"><parent link="a"/></joint>'), 3, "joint j: <joint> without <child>"),
     "no such link": (_arm(_joint().replace('child link="b"', 'child link="bb"')), 3, "joint j: child link `bb` does not exist"),
     "own parent": (_arm(_joint().replace('child link="b"', 'child link="a"')), 3, "the same link `a`"),
     "two parents": (_arm(_joint() + "\n" + _joint(name="k")), 4, "joint k: link `b` already hangs on joint `j`"),
-    "two roots": (_robot('<link name="a"/>\n<link name="b"/>'), 3, "2 links have no parent: `a`, `b`"),
+    "two roots": (robot('<link name="a"/>\n<link name="b"/>'), 3, "2 links have no parent: `a`, `b`"),
     "loop": (_arm(_joint() + "\n" + '<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint>'), 4, "close a loop: `a` -> `b` -> `a`"),
     "nan inertia": (_mass('<mass value="1"/>', 'ixx="nan" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'), 2, "link a: inertia ixx is `nan`"),
     "infinite": (_mass('<mass value="1e999"/>'), 2, "mass value is `1e999`, not a finite number"),
@@ -187,17 +179,17 @@ BAD = {
     "followers in a row": (_arm(_joint('<mimic joint="k"/>', "continuous") + '<joint name="k" type="continuous"><parent link="b"/><child link="c"/><mimic joint="j"/></joint>', '<link name="a"/><link name="b"/><link name="c"/>'), 3, "follow one another: `j` -> `k` -> `j`"),
     "xacro": ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n<xacro:property name="a" value="1"/><link name="a"/></robot>', 2, "<xacro:property> in a URDF"),
     "mimics itself": (_arm(_joint('<mimic joint="j"/>', "continuous")), 3, "cannot mimic itself"),
-    "negative box": (_shape('<box size="1 1 -1"/>'), 2, "every edge must be positive"),
-    "zero scale": (_shape('<mesh filename="a.stl" scale="1 0 1"/>'), 2, "a scale of 0 leaves no mesh"),
-    "unknown geometry": (_shape("<boxx/>"), 2, "hint: did you mean `box`?"),
-    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "is absolute"),
-    "absolute": (_shape('<mesh filename="/x/a.stl"/>'), 2, "is absolute"),
-    "escape": (_shape('<mesh filename="../../../a.stl"/>'), 2, "leads out of the source"),
-    "escape by two slashes": (_shape('<mesh filename="package://robot_pkg//etc/a.stl"/>'), 2, "leads out of the source"),
-    "escape by package": (_shape('<mesh filename="package://robot_pkg/../../a.stl"/>'), 2, "leads out of the source"),
-    "backslash": (_shape(r'<mesh filename="meshes\a.stl"/>'), 2, "hint: write `/` instead"),
-    "unknown package": (_shape('<mesh filename="package://robot_pgk/a.stl"/>'), 2, "did you mean `robot_pkg`?; or add `robot_pgk: FOLDER` under `source.packages`"),
-    "folder": (_shape('<mesh filename="package://robot_pkg/"/>'), 2, "names a folder"),
+    "negative box": (robot(link("a", shape("collision", '<box size="1 1 -1"/>'))), 2, "every edge must be positive"),
+    "zero scale": (robot(link("a", shape("collision", '<mesh filename="a.stl" scale="1 0 1"/>'))), 2, "a scale of 0 leaves no mesh"),
+    "unknown geometry": (robot(link("a", shape("collision", "<boxx/>"))), 2, "hint: did you mean `box`?"),
+    "file uri": (robot(link("a", shape("collision", '<mesh filename="file:///x/a.stl"/>'))), 2, "is absolute"),
+    "absolute": (robot(link("a", shape("collision", '<mesh filename="/x/a.stl"/>'))), 2, "is absolute"),
+    "escape": (robot(link("a", shape("collision", '<mesh filename="../../../a.stl"/>'))), 2, "leads out of the source"),
+    "escape by two slashes": (robot(link("a", shape("collision", '<mesh filename="package://robot_pkg//etc/a.stl"/>'))), 2, "leads out of the source"),
+    "escape by package": (robot(link("a", shape("collision", '<mesh filename="package://robot_pkg/../../a.stl"/>'))), 2, "leads out of the source"),
+    "backslash": (robot(link("a", shape("collision", r'<mesh filename="meshes\a.stl"/>'))), 2, "hint: write `/` instead"),
+    "unknown package": (robot(link("a", shape("collision", '<mesh filename="package://robot_pgk/a.stl"/>'))), 2, "did you mean `robot_pkg`?; or add `robot_pgk: FOLDER` under `source.packages`"),
+    "folder": (robot(link("a", shape("collision", '<mesh filename="package://robot_pkg/"/>'))), 2, "names a folder"),
 }  # fmt: skip
 
 
@@ -230,12 +222,12 @@ def test_a_doctype_is_refused_before_anything_is_expanded(what: str, tmp_path: P
 
 def test_absurd_nesting_is_refused(tmp_path: Path):
     deep = "<a>" * 5000 + "</a>" * 5000
-    assert "nested this deep" in refused(_robot(deep), tmp_path)
+    assert "nested this deep" in refused(robot(deep), tmp_path)
 
 
 def test_too_many_bytes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("assetbuild.source.urdf.xml.MAX_BYTES", 100)
-    assert "of URDF; at most" in refused(_robot(" " * 101), tmp_path)
+    assert "of URDF; at most" in refused(robot(" " * 101), tmp_path)
 
 
 # --- what is told and goes on -------------------------------------------------------------------
@@ -247,7 +239,7 @@ def test_one_look_under_two_names_and_two_under_one(tmp_path: Path):
 
     red, blue = '<color rgba="1 0 0 1"/>', '<color rgba="0 0 1 1"/>'
     reading = read(
-        _robot(f'<link name="a">{visual(red)}{visual(blue)}{visual(red)}{visual(blue)}</link>'),
+        robot(f'<link name="a">{visual(red)}{visual(blue)}{visual(red)}{visual(blue)}</link>'),
         tmp_path,
     )
     assert [s.material for s in reading.shapes.shapes] == ["m", "m_1", "m", "m_1"]
@@ -256,7 +248,7 @@ def test_one_look_under_two_names_and_two_under_one(tmp_path: Path):
 
 def test_colours_out_of_255_are_cut_and_told(tmp_path: Path):
     reading = read(
-        _robot('<material name="m"><color rgba="255 0 0 1"/></material><link name="a"/>'), tmp_path
+        robot('<material name="m"><color rgba="255 0 0 1"/></material><link name="a"/>'), tmp_path
     )
     assert reading.shapes.materials[0].rgba == (1.0, 0.0, 0.0, 1.0)
     assert reading.rules() == ["urdf.material.range"]
@@ -264,7 +256,7 @@ def test_colours_out_of_255_are_cut_and_told(tmp_path: Path):
 
 def test_textures_are_paths_of_the_source(tmp_path: Path):
     look = '<material name="m"><texture filename="package://robot_pkg/wood.png"/></material>'
-    material = read(_robot(f'{look}<link name="a"/>'), tmp_path).shapes.materials[0]
+    material = read(robot(f'{look}<link name="a"/>'), tmp_path).shapes.materials[0]
     assert (material.texture, material.rgba) == ("pkg/wood.png", (1.0, 1.0, 1.0, 1.0))
 
 
