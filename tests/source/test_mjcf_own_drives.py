@@ -138,31 +138,23 @@ def test_tendons_that_couple_two_joints_as_an_equality_of_joints_does_are_that(
     assert ends[0] == pytest.approx(ends[1], rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        hand(c=(0, 0, 0)),
-        hand(c=(0, 0, 0), extra=MIRROR.format(1, '<joint joint="l" coef="-2"/>', "", "")),
-        hand(c=(0, 1, 0.2)),
-        hand(c=(0.1, 1, 0)),
-        hand(a=1.0, b=-1.0),
-        hand(more='actuatorfrcrange="-1 1"'),
-        hand(joint='actuatorfrcrange="-1 1"'),
-        hand(SERVO + SERVO.replace("grip", "again")),
-    ],
-    ids=[
-        "loose",
-        "geared tendon",
-        "curved",
-        "offset",
-        "no lever",
-        "limit",
-        "joint's limit",
-        "two drives",
-    ],
-)
-def test_what_is_no_drive_of_one_joint_is_still_lost_motion(text: str, tmp_path: Path):
-    done = written(text, tmp_path)
+LOST = {
+    "loose": hand(c=(0, 0, 0)),
+    "geared tendon": hand(
+        c=(0, 0, 0), extra=MIRROR.format(1, '<joint joint="l" coef="-2"/>', "", "")
+    ),
+    "curved": hand(c=(0, 1, 0.2)),
+    "offset": hand(c=(0.1, 1, 0)),
+    "no lever": hand(a=1.0, b=-1.0),
+    "limit": hand(more='actuatorfrcrange="-1 1"'),
+    "joint's limit": hand(joint='actuatorfrcrange="-1 1"'),
+    "two drives": hand(SERVO + SERVO.replace("grip", "again")),
+}
+
+
+@pytest.mark.parametrize("what", LOST)
+def test_what_is_no_drive_of_one_joint_is_still_lost_motion(what: str, tmp_path: Path):
+    done = written(LOST[what], tmp_path)
     assert row(done).model == "passive"
     assert {"mjcf.motion", "usd.motion"} <= lost(done)
 
