@@ -104,6 +104,12 @@ def test_what_a_tendon_runs_over_has_no_class_of_shapes(main: str, tmp_path: Pat
     assert '<geom geom="drum"' in tendon
 
 
+def test_copies_that_mujoco_refuses_are_refused_in_its_name(tmp_path: Path):
+    text = model(HUB.format(RING), FIXED.replace("j1", "nobody"))
+    with pytest.raises(SourceError, match="MuJoCo does not write <replicate> out"):
+        read(text, tmp_path)
+
+
 # --- words that one version of MuJoCo knows ----------------------------------------------------
 
 
