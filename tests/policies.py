@@ -38,7 +38,6 @@ def bundle_of(folder: Path, robot: TinyRobot | None = None, bus: tuple[str, ...]
     contract = Contract(robot="robot", options=PolicyOptions(bus_order=bus or None))
     run_step(contract, ports, folder / "out")
     shutil.copytree(folder / "out/policy", folder / "bundle/policy")
-    reference = Reference(robot.links, robot.tree, robot.shapes, robot.control, Assets(), {})
     (folder / "bundle/report").mkdir()
     # Surfaces are not asked for: no policy looks at meshes.
     solid = [shape for shape in robot.shapes.shapes if shape.role == "collision"]
