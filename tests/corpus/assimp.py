@@ -64,31 +64,12 @@ class Scene(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Measured:
-    """area: m2; volume: m3, signed; lower, upper: corners of the box, m. polygons: of 4 or more."""
+    """area: m2; volume: m3, signed; lower, upper: corners of the box, m."""
 
     area: float
     volume: float
     lower: np.ndarray
     upper: np.ndarray
-    polygons: int
-
-    def unlike(self, other: Measured) -> str:
-        """What differs, "" if nothing; rounding and polygons that are not flat are let pass."""
-        size = float(np.linalg.norm(self.upper - self.lower))
-        share = 0.02 if self.polygons or other.polygons else 1e-3
-        gap = max(abs(self.lower - other.lower).max(), abs(self.upper - other.upper).max())
-        if gap > 1e-4 * size:
-            return f"bounds by {gap:.3g} of {size:.3g} m"
-        if abs(self.area - other.area) > share * max(self.area, other.area):
-            return f"area {self.area:.4g} and {other.area:.4g} m2"
-        if abs(self.volume - other.volume) > max(share * abs(self.volume), 1e-4 * size**3):
-            return f"volume {self.volume:.3g} and {other.volume:.3g} m3"
-        return ""
-
-
-def measured(path: Path) -> Measured:
-    """The surfaces of a file. ValueError where assimp refuses it."""
-    return polygons_measured(*polygons(path))
 
 
 def polygons(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +106,6 @@ def polygons_measured(corners: np.ndarray, counts: np.ndarray) -> Measured:
         float(heights.sum() / 3.0),
         corners.min(axis=0),
         corners.max(axis=0),
-        int((counts > 3).sum()),
     )
 
 

@@ -15,12 +15,12 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from corpus.find import resolved
 from corpus.judge import evaluate
 from corpus.lists import Robot
 from corpus.rules import broken
@@ -220,6 +220,27 @@ def description(robot: Robot, folder: Path, packages: dict[str, Path]) -> Path:
     path = folder / "expanded.urdf"
     path.write_bytes(expanded(robot.file, robot.args, packages))
     return path
+
+
+def resolved(uri: str, file: Path, folder: Path, packages: Mapping[str, Path]) -> Path | None:
+    """The file of a mesh, where any reader of the field would look for it."""
+    kind, _, rest = uri.rpartition("://")
+    rest = rest.lstrip("/")
+    places: list[Path] = []
+    if kind == "file":
+        places.append(Path("/") / rest)
+    if kind in ("package", "model", "file"):
+        package, _, inside = rest.partition("/")
+        if package in packages:
+            places.append(packages[package] / inside)
+        places += [parent / inside for parent in above(file, folder) if parent.name == package]
+        places += [parent / inside for parent in above(file, folder)]
+    places += [parent / rest for parent in above(file, folder)]
+    return next((place for place in places if place.is_file()), None)
+
+
+def above(file: Path, folder: Path) -> list[Path]:
+    return [parent for parent in file.parents if parent.is_relative_to(folder)]
 
 
 def main() -> int:

@@ -1,7 +1,8 @@
-"""Rules by which a source is broken, written down before the corpus ran: see `RULES`.
+"""Rules by which a source is broken, written down before the corpus ran.
 
 A robot that breaks one is run like the others. When it does not end in a ready bundle, it is left
-out, by name and with its rule. Nothing of assetbuild decides here.
+out, by name and with its rule. Nothing of assetbuild decides here. The runner knows one more rule,
+`file`: the description, or a mesh that it names, is not there.
 """
 
 from __future__ import annotations
@@ -15,24 +16,6 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
 import numpy as np
-
-RULES = {
-    "file": "a mesh that the description names is not there (said by the runner)",
-    "readers": "neither pinocchio nor yourdfpy reads a link in the URDF; xacro does not expand the "
-    "xacro; MuJoCo does not compile the MJCF",
-    "tree": "links and joints are not one tree: a joint names a link that is not there, a link has "
-    "two parents, or there is no root or more than one",
-    "names": "two links, or two joints, have the same name",
-    "mimic": "a joint mimics one that does not exist",
-    "number": "a mass, an inertia, an origin or a limit is not a finite number",
-    "mass": "a mass is negative",
-    "tensor": "an inertia has a principal moment below zero, by more than 1e-6 of the largest",
-    "limits": "a lower limit lies above the upper one",
-    "absurd": "a link weighs more than 10 t, all that is stated is less than 1 g, or a joint lies "
-    "more than 30 m from its parent",
-    "massless": "no link of the URDF states a mass above zero: every mass would be invented",
-    "soft": "the MJCF has flexes, which are no rigid bodies",
-}
 
 
 def broken(source: Path) -> str:
