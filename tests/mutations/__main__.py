@@ -33,7 +33,6 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=200, help="mutations of each format")
     parser.add_argument("--format", choices=FORMATS, action="append")
-    parser.add_argument("--by-name", action="store_true", help="every attribute name comes first")
     parser.add_argument("--rewrite", action="store_true", help="write the files anew, same meaning")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, help="all results as JSON")
@@ -47,7 +46,7 @@ def main(words: Sequence[str] | None = None) -> int:
             continue
         there = {form_of(file) for file in files_of(bundle)}
         forms = [form for form in chosen.format or FORMATS if form in there]
-        drawn = sample(bundle, forms, chosen.seed, chosen.count, by_name=chosen.by_name)
+        drawn = sample(bundle, forms, chosen.seed, chosen.count)
         results[bundle.name] = list(try_all(bundle, drawn, chosen.processes))
         print(f"\n# {bundle.name}\n\n{table(results[bundle.name])}")
         print(f"\n{(time.monotonic() - began):.0f} s so far")

@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.mutations import assets, leaves, markup, module
+from tests.mutations import pictures, text
 from tests.mutations.change import Mutation
 
 FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "xrdf", "policy", "robot")
+TEXTS = (".usda", ".usdc", ".xml", ".urdf", ".py", ".json", ".yaml", ".xrdf", ".obj", ".mtl")
 Walk = Callable[[Path, str, random.Random], Iterator[Mutation]]
 Apply = Callable[[Path, tuple[object, ...]], None]
 
@@ -32,22 +33,10 @@ def form_of(file: str) -> str:
 
 def tools_of(file: str) -> tuple[Walk, Apply] | None:
     """How to walk and to change a file, by its ending; None: nothing here knows it."""
-    ending = Path(file).suffix.lower()
-    if ending in (".usda", ".usdc", ".usd"):
-        from tests.mutations import layers  # pxr takes a second, which only USD needs
-
-        return layers.walk, layers.apply
-    return {
-        ".xml": (markup.walk, markup.apply),
-        ".urdf": (markup.walk, markup.apply),
-        ".py": (module.walk, module.apply),
-        ".json": (leaves.walk, leaves.apply),
-        ".yaml": (leaves.walk, leaves.apply),
-        ".xrdf": (leaves.walk, leaves.apply),
-        ".obj": (assets.walk_mesh, assets.apply_mesh),
-        ".mtl": (assets.walk_mesh, assets.apply_mesh),
-        ".png": (assets.walk_picture, assets.apply_picture),
-    }.get(ending)
+    ending = Path(file).suffix
+    if ending == ".png":
+        return pictures.walk, pictures.apply
+    return (text.walk, text.apply) if ending in TEXTS else None
 
 
 def files_of(bundle: Path, forms: tuple[str, ...] = FORMATS) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 ENOUGH = 1e-6
@@ -73,15 +73,13 @@ class Mutation:
 
 
 def number_changes(value: float) -> dict[str, float]:
-    """What to make of a number, by the name of the change; of an integer with integers."""
-    whole = isinstance(value, int)
+    """What to make of a number, by the name of the change."""
+    whole = {"plus 1": value + 1} if float(value).is_integer() else {}
     if abs(value) < RESIDUE:
-        return {"from zero": 1 if whole else FROM_ZERO}
+        return whole | {"from zero": FROM_ZERO}
     if not math.isfinite(value):
         return {"finite": 1.0, "zero": 0.0}
-    if whole:
-        return {"plus 1": value + 1, "sign": -value, "times 1000": value * 1000, "zero": 0}
-    return {
+    return whole | {
         "1 %": value * 1.01,
         "10 %": value * 1.1,
         "sign": -value,
@@ -134,34 +132,3 @@ def numbers_in(text: str) -> tuple[float, ...] | None:
         return tuple(float(word) for word in text.split()) or None
     except ValueError:
         return None
-
-
-def spelled(numbers: Sequence[float]) -> str:
-    """Numbers as a text attribute holds them."""
-    return " ".join(repr(int(n) if float(n).is_integer() else n) for n in numbers)
-
-
-def text_changes(
-    text: str, pool: Sequence[str], random_: random.Random
-) -> Iterator[tuple[str, str]]:
-    """Changes of an attribute's text: of its numbers, of its truth, or another of its kind."""
-    numbers = numbers_in(text)
-    if numbers is not None:
-        # "80" may be a number that could be 80.8, or one of three and only three: both are tried.
-        yield from ((name, spelled(new)) for name, new in vector_changes(numbers, random_))
-        if all(n.is_integer() for n in numbers):
-            new = list(numbers)
-            new[random_.randrange(len(new))] += 1
-            yield "plus 1", spelled(new)
-    elif text in ("true", "false"):
-        yield "flipped", "false" if text == "true" else "true"
-    else:
-        yield "another text", other_text(text, pool, random_)
-
-
-def pools(pairs: Sequence[tuple[str, str]]) -> Mapping[str, list[str]]:
-    """(name, text) -> all texts by name."""
-    found: dict[str, list[str]] = {}
-    for name, text in pairs:
-        found.setdefault(name, []).append(text)
-    return found

@@ -13,9 +13,9 @@ from lxml import etree
 
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.reference import Reference
-from tests.mutations import leaves
 from tests.mutations.bundle import form_of
 from tests.mutations.change import numbers_in
+from tests.mutations.text import load
 
 Meaning = Any  # compared with == by `differ`, or None where the library refuses the file
 UNNAMED = {"signature", "narena", "nbuffer", "paths", "names_map", "path_meshadr", "npaths"}
@@ -51,7 +51,7 @@ def meaning(bundle: Path, file: str) -> Meaning:
             return _pixels(bundle / file)
         if form == "python":
             return ast.dump(ast.parse((bundle / file).read_text(encoding="utf-8")))
-        return leaves.load(bundle / file) if form != "robot" else _robot(bundle)
+        return load(bundle / file) if form != "robot" else _robot(bundle)
     except (AssetBuildError, LookupError, ValueError, SyntaxError, OSError, RuntimeError):
         return None
 

@@ -65,28 +65,15 @@ PlantError = (ValueError, RuntimeError, TypeError)
 """A library that does not write such a value."""
 
 
-def sample(
-    bundle: Path, forms: Sequence[str], seed: int, count: int, *, by_name: bool = False
-) -> list[Mutation]:
-    """So many mutations of each format, drawn evenly from all, or first one of each name."""
+def sample(bundle: Path, forms: Sequence[str], seed: int, count: int) -> list[Mutation]:
+    """So many mutations of each format, drawn evenly from all."""
     random_ = random.Random(seed)
     drawn: list[Mutation] = []
     for form in forms:
         found = mutations(bundle, (form,), seed)
         random_.shuffle(found)
-        drawn += (_names_first(found) if by_name else found)[:count]
+        drawn += found[:count]
     return drawn
-
-
-def _names_first(found: Sequence[Mutation]) -> list[Mutation]:
-    """One of each attribute name, then a second of each, and so on."""
-    seen: dict[tuple[str, str], int] = {}
-    rounds: list[int] = []
-    for one in found:
-        name = (Path(one.file).suffix, one.attribute)
-        seen[name] = seen.get(name, 0) + 1
-        rounds.append(seen[name])
-    return [one for _, one in sorted(zip(rounds, found, strict=True), key=lambda pair: pair[0])]
 
 
 def try_all(bundle: Path, chosen: Sequence[Mutation], processes: int) -> Iterator[Result]:
