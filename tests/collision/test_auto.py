@@ -2,46 +2,33 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_files import run_step
+from solids import L_SHAPE, MESH, solid
+from solids import fit as fitted
 
-from assetbuild.collision import Likeness, PlacedSource, Probe
+from assetbuild.collision import Likeness, Probe
 from assetbuild.collision import auto as ladder
 from assetbuild.collision.auto import Auto
 from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
-from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.arrays import read_meshes
-from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.cut import cut_parts
 from assetbuild.mesh.decomposition import Patience, VHacdOptions
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, cleaned
-from assetbuild.plugin_types import Pieces
-from assetbuild.robot.codec import decode
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box
 
-MESH = (PlacedSource("shapes/0"),)
 COARSE = VHacdOptions(resolution=30_000)
 TIGHT = {"max_outside": 0.1, "max_missing": 0.02, "max_overcover": 0.05, "vhacd": COARSE}
 
 
-def solid(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -> TriangleMesh:
-    """The union of boxes (size, centre)."""
-    return cleaned(union_of([ConvexPiece(Box(s), Pose(at)) for s, at in boxes])[1])
-
-
-L_SHAPE = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)))
 GRIPPER = solid(
     ((1.0, 0.2, 0.2), (0, 0, 0)),
     ((0.2, 0.2, 0.8), (-0.4, 0, 0.4)),
@@ -52,13 +39,8 @@ GAP = Probe(start=(0, -1, 0.5), end=(0, 1, 0.5), radius=0.2)
 
 def fit(tmp_path: Path, method, mesh: TriangleMesh, run: str = "out"):
     """(number of pieces, findings by rule)."""
-    folder = tmp_path / "in/shapes/0"
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), mesh)])
-    findings = {f.rule: f for f in run_step(method, tmp_path / "in", tmp_path / run)}
-    record = decode(Pieces, (tmp_path / run / "pieces.json").read_bytes())
-    return len(record.pieces), findings
+    pieces, _, findings, _ = fitted(tmp_path, method, mesh, run=run)
+    return len(pieces), findings
 
 
 def test_a_convex_mesh_is_one_hull(tmp_path):

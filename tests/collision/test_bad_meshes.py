@@ -9,27 +9,25 @@ import numpy as np
 import pytest
 from robot_files import run_step
 from scipy.spatial import ConvexHull
+from solids import MESH, UNIT, converted, solid
 
-from assetbuild.collision import CollisionMethod, PlacedSource
+from assetbuild.collision import CollisionMethod
 from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
-from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.arrays import PARTS, read_meshes, write_meshes
 from assetbuild.mesh.decomposition import VHacdOptions
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.plugin_types import Pieces
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
-from assetbuild.robot.shapes import Box, Sphere
-from tests.collision.test_auto import MESH, fit, solid
+from assetbuild.robot.shapes import Sphere
+from tests.collision.test_auto import fit
 
-BOX = tessellate(Box((1.0, 1.0, 1.0)))
 BALL = tessellate(Sphere(0.5))
 
 
@@ -38,12 +36,12 @@ def mesh(vertices, faces) -> TriangleMesh:
 
 
 def changed(row: int, value: float) -> TriangleMesh:
-    vertices = np.array(BOX.vertices)
+    vertices = np.array(UNIT.vertices)
     vertices[row, 0] = value
-    return TriangleMesh(vertices, BOX.faces)
+    return TriangleMesh(vertices, UNIT.faces)
 
 
-def at(offset, part: TriangleMesh = BOX) -> TriangleMesh:
+def at(offset, part: TriangleMesh = UNIT) -> TriangleMesh:
     return part.mapped(np.eye(3), offset)
 
 
@@ -88,26 +86,26 @@ STOPS: dict[str, TriangleMesh] = {
     "one point": mesh(np.zeros((4, 3)), [0, 1, 2, 0, 2, 3, 0, 1, 3, 1, 2, 3]),
 }
 WORKS: dict[str, TriangleMesh] = {
-    "open box": BOX.select(np.arange(10)),
-    "inverted box": BOX.flipped(),
-    "both sides of each face": merged([BOX, BOX.flipped()]),
-    "not merged": mesh(BOX.corners.reshape(-1, 3), np.arange(36)),
-    "overlapping boxes": merged([BOX, at((0.5, 0.4, 0.3))]),
+    "open box": UNIT.select(np.arange(10)),
+    "inverted box": UNIT.flipped(),
+    "both sides of each face": merged([UNIT, UNIT.flipped()]),
+    "not merged": mesh(UNIT.corners.reshape(-1, 3), np.arange(36)),
+    "overlapping boxes": merged([UNIT, at((0.5, 0.4, 0.3))]),
     "a fin on a box": mesh(
-        np.concatenate([BOX.vertices, [(0, 0, 2)]]), np.concatenate([BOX.faces, [(0, 7, 8)]])
+        np.concatenate([UNIT.vertices, [(0, 0, 2)]]), np.concatenate([UNIT.faces, [(0, 7, 8)]])
     ),
     "six balls apart": merged([at((3.0 * k, 0, 0), BALL) for k in range(6)]),
     "torus": torus(),
-    "thinner plate": BOX.scaled((1.0, 1.0, 1e-6)),
+    "thinner plate": UNIT.scaled((1.0, 1.0, 1e-6)),
     "far from its origin": at((1e5, 0.0, 0.0)),
-    "tiny": BOX.scaled((1e-6,) * 3),
+    "tiny": UNIT.scaled((1e-6,) * 3),
     "soup": soup(300, 500),
 }
 
 
 def auto(cpu_limit: float = 3.0) -> Auto:
     return Auto(
-        sources=(PlacedSource("shapes/0"),),
+        sources=MESH,
         subject="bad",
         max_outside=0.05,
         max_missing=0.05,
@@ -121,15 +119,13 @@ def auto(cpu_limit: float = 3.0) -> Auto:
 def attempt(tmp_path: Path, bad: TriangleMesh, method: CollisionMethod):
     """(pieces, findings); the file itself is bad, past what the converter would have refused."""
     folder = tmp_path / "in/shapes/0"
-    folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    converted(folder, UNIT)
     write_meshes(folder / PARTS, {"0": bad})
     findings = run_step(method, tmp_path / "in", tmp_path / "out")
     return decode(Pieces, (tmp_path / "out/pieces.json").read_bytes()).pieces, findings
 
 
-METHODS = [kind(sources=(PlacedSource("shapes/0"),), subject="bad")
-           for kind in (Hull, VHacd, CoAcd, FitPrimitive)]  # fmt: skip
+METHODS = [kind(sources=MESH, subject="bad") for kind in (Hull, VHacd, CoAcd, FitPrimitive)]
 
 
 @pytest.mark.parametrize(

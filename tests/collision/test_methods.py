@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from robot_files import run_step
+from solids import L_SHAPE, MESH, UNIT, converted, fit
 
 from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.collision.coacd import CoAcd
@@ -18,11 +19,8 @@ from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
-from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.mesh.arrays import read_meshes
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import capped
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
@@ -32,49 +30,20 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
-BOX = tessellate(Box((1.0, 1.0, 1.0)))
-MESH = (PlacedSource("shapes/0"),)
 TURNED = Pose((0.3, -0.2, 0.5), quat_of_rpy(0.4, -0.7, 1.1))
-
-
-def l_shape() -> TriangleMesh:
-    """An L of 2 x 2 x 1 m with arms 1 m wide: volume 3 m3, its hull 3.5 m3."""
-    outline = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
-    bottom, top = (np.column_stack([outline, np.full(6, z)]) for z in (0.0, 1.0))
-    caps = [(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)]
-    faces = [(a + 6, b + 6, c + 6) for a, b, c in caps] + [(c, b, a) for a, b, c in caps]
-    for i in range(6):
-        j = (i + 1) % 6
-        faces += [(i, j, j + 6), (i, j + 6, i + 6)]
-    return TriangleMesh(np.concatenate([bottom, top]), np.array(faces))
-
-
-def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str = "out"):
-    """(pieces, their hull meshes, findings by rule, all bytes)."""
-    for number, mesh in enumerate(meshes):
-        folder = tmp_path / f"in/shapes/{number}"
-        folder.mkdir(parents=True, exist_ok=True)
-        write_converted(folder, [MaterialPart(SurfaceMaterial(), mesh)])
-    outputs = tmp_path / run
-    outputs.mkdir()
-    findings = {f.rule: f for f in run_step(method, tmp_path / "in", outputs)}
-    record = decode(Pieces, (outputs / "pieces.json").read_bytes())
-    hulls = list(read_meshes(outputs / "pieces.npz").values())
-    files = {str(p.relative_to(outputs)): p.read_bytes() for p in outputs.rglob("*.*")}
-    return record.pieces, hulls, findings, files
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in plugin_names(CollisionMethod) if n != "explicit"])
 def test_every_method_makes_the_same_pieces_of_an_l_twice(tmp_path, name):
     method = load_plugin(CollisionMethod, name)(sources=MESH)
-    runs = [fit(tmp_path / run, method, l_shape()) for run in ("a", "b/c")]
+    runs = [fit(tmp_path / run, method, L_SHAPE) for run in ("a", "b/c")]
     assert runs[0][0]
     assert runs[0][3] == runs[1][3]
 
 
 def test_the_hull_of_an_l_is_one_prism_and_the_gap_is_its_notch(tmp_path):
-    pieces, (hull,), findings, _ = fit(tmp_path, Hull(sources=MESH), l_shape())
+    pieces, (hull,), findings, _ = fit(tmp_path, Hull(sources=MESH), L_SHAPE)
     assert len(pieces) == 1
     assert len(hull.vertices) == 10
     assert signed_volume(hull) == pytest.approx(3.5)
@@ -91,20 +60,20 @@ def test_sources_are_placed_and_joined_in_the_output_frame(tmp_path):
         PlacedSource("shapes/0", pose=Pose((10.0, 0.0, 0.0))),
         PlacedSource.of_primitive(Box((1.0, 1.0, 1.0)), Pose((0.0, 0.0, 0.0))),
     )
-    _, (hull,), _, _ = fit(tmp_path, Hull(sources=sources), BOX)
+    _, (hull,), _, _ = fit(tmp_path, Hull(sources=sources), UNIT)
     assert hull.bounds[0] == pytest.approx([-0.5, -0.5, -0.5])
     assert hull.bounds[1] == pytest.approx([10.5, 0.5, 0.5])
 
 
 def test_an_open_mesh_is_said_to_be_open(tmp_path):
-    _, _, findings, _ = fit(tmp_path, Hull(sources=MESH), BOX.select(np.arange(11)))
+    _, _, findings, _ = fit(tmp_path, Hull(sources=MESH), UNIT.select(np.arange(11)))
     assert findings["collision.gap"].data["closed"] is False
     assert "not watertight" in findings["collision.gap"].message
 
 
 @pytest.mark.parametrize("method", [VHacd(sources=MESH, max_hulls=4), CoAcd(sources=MESH)])
 def test_decomposition_opens_the_notch_of_an_l(tmp_path, method):
-    _, hulls, findings, _ = fit(tmp_path, method, l_shape())
+    _, hulls, findings, _ = fit(tmp_path, method, L_SHAPE)
     assert 2 <= len(hulls) <= 4
     assert all(h.is_closed and signed_volume(h) > 0.0 for h in hulls)
     assert sum(map(signed_volume, hulls)) == pytest.approx(3.0, rel=0.06)
@@ -201,20 +170,20 @@ def test_spheres_fill_a_bar_without_sticking_out_far(tmp_path):
 def test_a_box_becomes_spheres_and_a_sphere_stays(tmp_path):
     """Planners take nothing else; other methods leave a primitive as it is."""
     box = (PlacedSource.of_primitive(Box((0.1, 0.1, 0.4)), Pose((0.0, 0.0, 0.2))),)
-    pieces, _, findings, _ = fit(tmp_path / "box", Spheres(sources=box, max_hulls=8), BOX)
+    pieces, _, findings, _ = fit(tmp_path / "box", Spheres(sources=box, max_hulls=8), UNIT)
     assert len(pieces) == 8
     assert {type(piece.geometry) for piece in pieces} == {Sphere}
     assert findings["collision.gap"].data["max_missing"] < 0.3
     ball = (PlacedSource.of_primitive(Sphere(0.1), Pose()),)
-    (piece,), _, _, _ = fit(tmp_path / "ball", Spheres(sources=ball), BOX)
+    (piece,), _, _, _ = fit(tmp_path / "ball", Spheres(sources=ball), UNIT)
     assert piece.geometry == Sphere(0.1)
-    (piece,), _, _, _ = fit(tmp_path / "hull", Hull(sources=box), BOX)
+    (piece,), _, _, _ = fit(tmp_path / "hull", Hull(sources=box), UNIT)
     assert piece.geometry == Box((0.1, 0.1, 0.4))
 
 
 def test_explicit_pieces_are_measured_and_left_as_they_are(tmp_path):
     half = ExplicitPiece(type="box", size=(0.5, 1.0, 1.0), xyz=(-0.25, 0.0, 0.0))
-    (piece,), _, findings, _ = fit(tmp_path, Explicit(sources=MESH, pieces=(half,)), BOX)
+    (piece,), _, findings, _ = fit(tmp_path, Explicit(sources=MESH, pieces=(half,)), UNIT)
     assert piece.geometry == Box((0.5, 1.0, 1.0))
     assert findings["collision.gap"].data["max_missing"] == pytest.approx(0.5, abs=1e-6)
 
@@ -231,15 +200,13 @@ def test_a_link_without_geometry_may_have_explicit_pieces(tmp_path):
 
 def own_mesh(tmp_path: Path, mesh: TriangleMesh, **more):
     """(pieces, hulls, findings by rule) of one explicit mesh in a link with the unit box."""
-    folder = tmp_path / "in/own/0"
-    folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), mesh)])
+    converted(tmp_path / "in/own/0", mesh)
     piece = ExplicitPiece(type="mesh", file="own/0", **more)
-    return fit(tmp_path, Explicit(sources=MESH, pieces=(piece,)), BOX)[:3]
+    return fit(tmp_path, Explicit(sources=MESH, pieces=(piece,)), UNIT)[:3]
 
 
 def test_a_convex_mesh_of_the_users_is_taken_as_it_is(tmp_path):
-    pieces, (hull,), findings = own_mesh(tmp_path, BOX, xyz=(0.5, 0.0, 0.0))
+    pieces, (hull,), findings = own_mesh(tmp_path, UNIT, xyz=(0.5, 0.0, 0.0))
     assert len(pieces) == 1
     assert signed_volume(hull) == pytest.approx(1.0)
     assert hull.bounds[0] == pytest.approx((0.0, -0.5, -0.5))
@@ -250,7 +217,7 @@ def test_a_convex_mesh_of_the_users_is_taken_as_it_is(tmp_path):
 
 @pytest.mark.parametrize(
     ("mesh", "share", "volume"),
-    [(l_shape(), 3.0 / 3.5, 3.5), (BOX.select(np.arange(10)), 0.0, 1.0)],
+    [(L_SHAPE, 3.0 / 3.5, 3.5), (UNIT.select(np.arange(10)), 0.0, 1.0)],
     ids=["not convex", "open"],
 )
 def test_a_mesh_of_the_users_that_is_not_its_hull_is_told(tmp_path, mesh, share, volume):
@@ -262,7 +229,7 @@ def test_a_mesh_of_the_users_that_is_not_its_hull_is_told(tmp_path, mesh, share,
 
 def test_a_flat_mesh_of_the_users_is_refused(tmp_path):
     with pytest.raises(StepError, match="piece 1: flat"):
-        own_mesh(tmp_path, BOX.select(np.flatnonzero((BOX.corners[:, :, 2] > 0.0).all(axis=1))))
+        own_mesh(tmp_path, UNIT.select(np.flatnonzero((UNIT.corners[:, :, 2] > 0.0).all(axis=1))))
 
 
 def test_a_capped_hull_has_exactly_the_asked_vertices(tmp_path):

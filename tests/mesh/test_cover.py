@@ -11,25 +11,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solids import UNIT, solid
 
-from assetbuild.mesh.cover import (
-    Reference,
-    measure,
-    outside,
-    rough,
-    union_of,
-)
+from assetbuild.mesh.cover import Reference, measure, outside, rough
 from assetbuild.mesh.cut import DIRECTIONS, cut_parts, tips
-from assetbuild.mesh.hull import capped, convex_hull, polygon_count
+from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import hulls_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume
 from assetbuild.mesh.verdict import Probe, blocked_by, outside_in, verdict
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Sphere
-
-UNIT = tessellate(Box((1.0, 1.0, 1.0)))
 
 
 def box(size, at=(0.0, 0.0, 0.0)) -> ConvexPiece:
@@ -44,12 +37,8 @@ def open_box() -> TriangleMesh:
 
 def portal() -> tuple[TriangleMesh, list[ConvexPiece]]:
     """Two posts of 1 x 1 x 2 m and a lintel of 3 x 1 x 1 m on them: an opening of 1 m."""
-    pieces = [
-        box((1.0, 1.0, 2.0), (-1.0, 0.0, 1.0)),
-        box((1.0, 1.0, 2.0), (1.0, 0.0, 1.0)),
-        box((3.0, 1.0, 1.0), (0.0, 0.0, 2.5)),
-    ]
-    return cleaned(union_of(pieces)[1]), pieces
+    boxes = ((1, 1, 2), (-1, 0, 1)), ((1, 1, 2), (1, 0, 1)), ((3, 1, 1), (0, 0, 2.5))
+    return solid(*boxes), [box(*each) for each in boxes]
 
 
 def test_half_a_box_covers_half_of_it_exactly():
@@ -128,7 +117,7 @@ def test_the_distance_to_a_probe_is_that_of_a_capsule():
     assert probe.distance(points) == pytest.approx([-0.1, 0.2, 0.3])
 
 
-CUBE = Reference(tessellate(Box((1.0, 1.0, 1.0))))
+CUBE = Reference(UNIT)
 
 
 @pytest.mark.parametrize(
@@ -152,11 +141,6 @@ def test_a_slab_of_a_cube_covers_its_width(width: float, flat: int, rules: list[
     assert list(told) == rules
     if flat:
         assert told["collision.flat_piece"] == {"flat": 2, "pieces": 3}
-
-
-def solid(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -> TriangleMesh:
-    """The union of boxes (size, centre)."""
-    return cleaned(union_of([ConvexPiece(Box(size), Pose(at)) for size, at in boxes])[1])
 
 
 def parts_of(mesh: TriangleMesh, count: int) -> list[TriangleMesh]:
@@ -208,15 +192,6 @@ def test_more_parts_cover_less_that_is_outside():
     assert over[0] > 0.5
     assert over[0] >= over[1] > over[2]  # one cut through a ring gains nothing
     assert over[2] == pytest.approx(0.0, abs=0.01)
-
-
-def test_a_ball_counts_its_polygons_and_keeps_the_cap():
-    ball = tessellate(Sphere(0.5)).vertices
-    hull = capped(convex_hull(ball), 64, 64)
-    assert polygon_count(hull) <= 64
-    assert 30 <= len(hull.vertices) <= 64
-    assert polygon_count(UNIT) == 6
-    assert len(capped(convex_hull(UNIT.vertices), 64, 64).vertices) == 8
 
 
 def test_a_probe_in_the_portal_tells_who_closes_it():

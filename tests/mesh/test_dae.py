@@ -83,28 +83,6 @@ def test_a_dae_names_its_texture_in_three_ways(texture, surface):
     assert ("mesh.ignored" in rules(source)) == (surface == "lost-surface")
 
 
-@pytest.mark.parametrize(
-    ("data", "says"),
-    [
-        (dae()[:1500], ":2[0-9]: broken XML"),
-        (dae(positions=CUBE.replace("1 1 1", "1 nan 1")), "vertex 7 of `pos` is not a finite"),
-        (dae().replace(b"0 1 3 0 3 2", b"0 1 3 0 3 99"), "99|index|geometry"),
-        (dae().replace(b"0 1 3 0 3 2", b"0 1 3 0 3 -2"), "-2|index|geometry"),
-        (dae(positions="0 0 0"), "index|geometry"),
-        (b"<html><body>404</body></html>", "COLLADA|scene"),
-        (b"PK\x03\x04....", "zip"),
-        (b'<!DOCTYPE x [<!ENTITY a "b">]>' + dae(), "entities"),
-        (('<!DOCTYPE x [<!ENTITY a "b">]>' + dae().decode()).encode("utf-16"), "entities"),
-        (dae().replace(b'<instance_visual_scene url="#s"/>', b""), "no scene"),
-        (b"", "empty"),
-    ],
-)
-def test_a_broken_dae_is_one_error_that_names_the_defect(data, says):
-    with pytest.raises(StepError, match=says) as caught:
-        read_mesh(data, "dae", subject="mesh meshes/bad.dae")
-    assert str(caught.value).startswith("mesh meshes/bad.dae:")
-
-
 SECOND = CUBE.replace("1", "3")
 """A cube of three metres."""
 
@@ -143,39 +121,30 @@ def test_geometries_that_repeat_the_ids_of_sources_keep_their_own():
     assert rules(source)["mesh.repeated_ids"] == {"ids": 1}
 
 
-def test_a_physics_library_is_no_geometry():
-    """RoboDK and Autodesk export hundreds of convex meshes beside what is seen."""
-    data = one_cube()
-    first = element(data, rb"<geometry .*?</geometry>")
-    hull = b'<geometry id="hull"><convex_mesh convex_hull_of="#g"/></geometry>'
-    physics = b"""<library_physics_models><physics_model id="p"><rigid_body sid="b">
-     <technique_common><shape><instance_geometry url="#hull"/></shape></technique_common>
-     </rigid_body></physics_model></library_physics_models><library_visual_scenes>"""
-    data = data.replace(first, first + hull).replace(b"<library_visual_scenes>", physics)
+HULL = b'<geometry id="hull"><convex_mesh convex_hull_of="#g"/></geometry>'
+PHYSICS = b"""<library_physics_models><physics_model id="p"><rigid_body sid="b">
+ <technique_common><shape><instance_geometry url="#hull"/></shape></technique_common>
+ </rigid_body></physics_model></library_physics_models><library_visual_scenes>"""
+STRIP = b"""<linestrips count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 7</p>
+ </linestrips><triangles"""
+SPLINE = b'<geometry id="second"><spline/></geometry>'
+# RoboDK and Autodesk export hundreds of convex meshes for physics beside what is seen.
+NO_SURFACE = {
+    "physics": (one_cube().replace(b"<library_geometries>", b"<library_geometries>" + HULL)
+                .replace(b"<library_visual_scenes>", PHYSICS), {}, "info"),
+    "lines": (one_cube().replace(b"<triangles", STRIP), {"linestrips": 1}, "info"),
+    "nothing": (with_second(one_cube(), b""),
+                {"instances of geometry that the file lacks": 1}, "warning"),
+    "splines": (with_second(one_cube(), SPLINE), {"splines or hulls": 1}, "warning"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("data", "left_out", "severity"), NO_SURFACE.values(), ids=NO_SURFACE)
+def test_what_is_no_surface_is_left_out_and_said(data, left_out, severity):
     source = read_mesh(data, "dae")
     assert surface(source) == pytest.approx(6.0)
-    assert rules(source) == {"mesh.skipped": {"cameras": 1}}
-
-
-@pytest.mark.parametrize(
-    ("geometry", "left_out", "severity"),
-    [
-        (b"", "instances of geometry that the file lacks", "warning"),
-        (b'<geometry id="second"><spline/></geometry>', "splines or hulls", "warning"),
-    ],
-)
-def test_what_is_no_surface_is_left_out_and_said(geometry, left_out, severity):
-    source = read_mesh(with_second(one_cube(), geometry), "dae")
-    assert surface(source) == pytest.approx(6.0)
-    assert rules(source) == {"mesh.skipped": {"cameras": 1, left_out: 1}}
+    assert rules(source) == {"mesh.skipped": {"cameras": 1, **left_out}}
     assert source.findings[0].severity == severity
-
-
-def test_line_strips_beside_triangles_are_left_out():
-    strip = b'<linestrips count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 7</p>'
-    source = read_mesh(one_cube().replace(b"<triangles", strip + b"</linestrips><triangles"), "dae")
-    assert surface(source) == pytest.approx(6.0)
-    assert rules(source)["mesh.skipped"]["linestrips"] == 1
 
 
 SKIN = b"""<library_controllers><controller id="c"><skin source="#g">
@@ -212,25 +181,19 @@ def test_a_skin_counts_where_its_skeleton_holds_it_where_it_lies():
         read_mesh(elsewhere, "dae")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda data: data + b"\0\0\0",
-        lambda data: data + b"<more/>",
-        lambda data: data + b"\0\0a></scene></COLLADA>",
-        lambda data: b"\n " + data,
-        lambda data: data.replace(b"<created>", b"<title>M\xfcller &amp; Co</title><created>"),
-        lambda data: data.replace(b"<created>", b"<title>M\x01ller & Co</title><created>"),
-    ],
-    ids=[
-        "zeros at the end",
-        "more at the end",
-        "another end",
-        "blanks first",
-        "Windows-1252",
-        "control",
-    ],
-)
+STRAY = {
+    "zeros at the end": lambda data: data + b"\0\0\0",
+    "more at the end": lambda data: data + b"<more/>",
+    "another end": lambda data: data + b"\0\0a></scene></COLLADA>",
+    "blanks first": lambda data: b"\n " + data,
+    "Windows-1252": lambda data: data.replace(
+        b"<created>", b"<title>M\xfcller &amp; Co</title><created>"
+    ),
+    "control": lambda data: data.replace(b"<created>", b"<title>M\x01ller & Co</title><created>"),
+}
+
+
+@pytest.mark.parametrize("change", STRAY.values(), ids=STRAY)
 def test_stray_bytes_beside_the_geometry_are_left_out_and_said(change):
     source = read_mesh(change(one_cube()), "dae")
     assert surface(source) == pytest.approx(6.0)
@@ -240,6 +203,18 @@ def test_stray_bytes_beside_the_geometry_are_left_out_and_said(change):
 @pytest.mark.parametrize(
     ("data", "says"),
     [
+        (dae()[:1500], ":2[0-9]: broken XML"),
+        (dae(positions=CUBE.replace("1 1 1", "1 nan 1")), "vertex 7 of `pos` is not a finite"),
+        (dae().replace(b"0 1 3 0 3 2", b"0 1 3 0 3 99"), "99|index|geometry"),
+        (dae().replace(b"0 1 3 0 3 2", b"0 1 3 0 3 -2"), "-2|index|geometry"),
+        (dae(positions="0 0 0"), "index|geometry"),
+        (b"<html><body>404</body></html>", "COLLADA|scene"),
+        (b"PK\x03\x04....", "zip"),
+        (b'<!DOCTYPE x [<!ENTITY a "b">]>' + dae(), "entities"),
+        (('<!DOCTYPE x [<!ENTITY a "b">]>' + dae().decode()).encode("utf-16"), "entities"),
+        (dae().replace(b'<instance_visual_scene url="#s"/>', b""), "no scene"),
+        (b"", "empty"),
+        # Readers take these differently.
         (one_cube().replace(b'meter="1"', b'meter="0,01"'), ':4: the unit is `meter="0,01"`'),
         (one_cube().replace(b'meter="1"', b'meter="0"'), ":4: the unit"),
         (one_cube().replace(b'stride="3"', b'stride="3" offset="3"'), "offset 3"),
@@ -252,9 +227,10 @@ def test_stray_bytes_beside_the_geometry_are_left_out_and_said(change):
         ),
     ],
 )
-def test_what_readers_take_differently_is_refused(data, says):
-    with pytest.raises(StepError, match=says):
-        read_mesh(data, "dae", subject="meshes/bad.dae")
+def test_a_broken_dae_is_one_error_that_names_the_defect(data, says):
+    with pytest.raises(StepError, match=says) as caught:
+        read_mesh(data, "dae", subject="mesh meshes/bad.dae")
+    assert str(caught.value).startswith("mesh meshes/bad.dae:")
 
 
 def test_x_up_lets_x_point_up():

@@ -56,6 +56,9 @@ def test_a_cap_is_kept_exactly_and_the_hull_stays_inside(cap):
     known = {tuple(v) for v in ball.vertices}
     assert all(tuple(v) in known for v in hull.vertices)
     assert 0.0 < signed_volume(hull) < 4 / 3 * math.pi
+    flat = capped(convex_hull(ball.vertices), cap, cap)
+    assert polygon_count(flat) <= cap
+    assert cap / 2 <= len(flat.vertices) <= cap
 
 
 @pytest.mark.parametrize(
