@@ -6,17 +6,15 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from urdfs import LIMIT, inertial, joint, link, mesh, robot, shape
 
 from corpus.judge import evaluate
 
-URDF = """<robot name="r"><link name="base"><inertial><mass value="2"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
-<visual><origin xyz="0.1 0 0"/><geometry><mesh filename="box.stl"/></geometry></visual></link>
-<link name="arm"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/>
-<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="10" velocity="3"/></joint></robot>"""
+URDF = robot(
+    link("base", inertial(2.0), shape("visual", mesh("box.stl"), "0.1 0 0")),
+    link("arm", inertial(xyz="0 0 0.1")),
+    joint("elbow", "base", "arm", xyz="0 0 0.1"),
+)
 MJCF = """<mujoco><worldbody><body name="base"><inertial pos="0 0 0" mass="2"
 diaginertia="0.01 0.01 0.01"/><body name="arm" pos="0 0 0.1"><joint name="elbow" axis="0 1 0"/>
 <inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/></body></body></worldbody>
@@ -53,40 +51,40 @@ def test_what_differs_is_said(source: str, old: str, new: str, says: str, tmp_pa
     assert said.startswith(says)
 
 
+def judged(folder: Path, source: str, built: str, *, edited: bool = False) -> str:
+    """What is said of two texts."""
+    given = folder / ("source.xml" if "<mujoco>" in source else "source.urdf")
+    given.write_text(source)
+    (folder / "mjcf").mkdir()
+    (folder / "mjcf/r.xml").write_text(built)
+    return evaluate(given, folder, Path, edited=edited)
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('effort="10"', 'effort="-1"'),
-        ('effort="10"', ""),
-        ('<origin xyz="0 0 0.1"/><axis', '<origin xyz="0 0 0.1" rpy="0 0 0 0"/><axis'),
-        ('<origin xyz="0 0 0.1"/><axis', '<origin xyz="0 0 0.1," rpy="0,0, 0"/><axis'),
-        ('<limit lower="-1" upper="1" effort="10" velocity="3"/>', ""),
+        ('effort="9"', 'effort="-1"'),
+        ('effort="9"', ""),
+        ('<origin xyz="0 0 0.1"/><parent', '<origin xyz="0 0 0.1" rpy="0 0 0 0"/><parent'),
+        ('<origin xyz="0 0 0.1"/><parent', '<origin xyz="0 0 0.1," rpy="0,0, 0"/><parent'),
+        (LIMIT, ""),
     ],
 )
 def test_what_pinocchio_alone_refuses_is_judged(old: str, new: str, tmp_path: Path):
-    (tmp_path / "mjcf").mkdir()
     assert old in URDF
-    (tmp_path / "source.urdf").write_text(URDF.replace(old, new))
-    (tmp_path / "mjcf/r.xml").write_text(MJCF)
-    assert evaluate(tmp_path / "source.urdf", tmp_path, Path, edited=False) == "equal"
+    assert judged(tmp_path, URDF.replace(old, new), MJCF) == "equal"
 
 
 def test_an_edited_robot_may_weigh_something_else(tmp_path: Path):
-    (tmp_path / "mjcf").mkdir()
-    (tmp_path / "source.urdf").write_text(URDF)
-    (tmp_path / "mjcf/r.xml").write_text(MJCF.replace('mass="1"', 'mass="5"'))
-    assert evaluate(tmp_path / "source.urdf", tmp_path, Path, edited=True) == "equal"
+    assert judged(tmp_path, URDF, MJCF.replace('mass="1"', 'mass="5"'), edited=True) == "equal"
 
 
 def test_a_joint_beside_its_body_and_a_ref_are_no_difference(tmp_path: Path):
     """Our frame of a link stands in its joint, and positions count from 0."""
-    (tmp_path / "mjcf").mkdir()
     own = MJCF.replace('<joint name="elbow"', '<joint name="elbow" pos="0 0 .05" ref="20"')
-    (tmp_path / "source.xml").write_text(own)
     moved = MJCF.replace('pos="0 0 0.1"><joint', 'pos="0 0 0.15"><joint')
     moved = moved.replace(
         '<inertial pos="0 0 0.1"',
         '<site name="arm_origin" pos="0 0 -.05"/><inertial pos="0 0 0.05"',
     )
-    (tmp_path / "mjcf/r.xml").write_text(moved)
-    assert evaluate(tmp_path / "source.xml", tmp_path, Path, edited=False) == "equal"
+    assert judged(tmp_path, own, moved) == "equal"

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from urdfs import box, inertial, joint, link, robot, shape
 
 from corpus.lists import Robot, wide
 from corpus.rules import broken
@@ -15,15 +16,11 @@ from corpus.run import in_a_child, rows_in
 
 ROOT = Path(__file__).parents[2]
 
-GOOD = """<robot name="good"><link name="base"><inertial><mass value="2"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
-<visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
-<link name="arm"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
-<visual><origin xyz="0 0 0.1"/><geometry><box size="0.05 0.05 0.2"/></geometry></visual></link>
-<joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/>
-<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="10" velocity="3"/></joint></robot>"""
+GOOD = robot(
+    link("base", inertial(2.0), shape("visual", box(0.2))),
+    link("arm", inertial(xyz="0 0 0.1"), shape("visual", box(0.1), "0 0 0.1")),
+    joint("elbow", "base", "arm", xyz="0 0 0.1"),
+)
 BROKEN = GOOD.replace('<child link="arm"/>', '<child link="nowhere"/>')
 LIST = """
 sources:
@@ -57,12 +54,12 @@ def test_a_list_is_split_by_the_names(sources: Path):
     [
         ('<child link="arm"/>', '<child link="nowhere"/>', "tree"),
         ('<link name="base">', '<link name="other"/><link name="base">', "tree"),
-        ('</joint></robot>', '<mimic joint="none"/></joint></robot>', "mimic"),
+        ("</joint>", '<mimic joint="none"/></joint>', "mimic"),
         ('lower="-1"', 'lower="2"', "limits"),
-        ('value="2"', 'value="-2"', "mass"),
-        ('value="2"', 'value="20000"', "absurd"),
+        ('value="2.0"', 'value="-2"', "mass"),
+        ('value="2.0"', 'value="20000"', "absurd"),
         ('<mass value="', '<mass value="0" was="', "massless"),
-        ('value="2"', 'value="nan"', "number"),
+        ('value="2.0"', 'value="nan"', "number"),
         ('ixx="0.01"', 'ixx="-0.01"', "tensor"),
         (GOOD, "<robot name=", "readers"),
     ],

@@ -9,13 +9,14 @@ from PIL import Image
 from robot_files import run_step
 
 from assetbuild.collision import write_pieces
+from assetbuild.findings import Finding
 from assetbuild.geometry.assemble import Assemble, Use, called
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import (
     Box,
     Material,
@@ -39,26 +40,27 @@ def converted(folder: Path, *materials: SurfaceMaterial) -> None:
     write_converted(folder, list(map(MaterialPart, materials, boxes)))
 
 
-def assembled(tmp_path: Path, source: SourceShapes, step: Assemble) -> tuple[Shapes, Path]:
+def assembled(
+    tmp_path: Path, source: SourceShapes, step: Assemble
+) -> tuple[Shapes, Path, list[Finding]]:
+    """The shapes, the folder of their meshes, and what was found."""
     (tmp_path / "in").mkdir(exist_ok=True)
     (tmp_path / "in" / "shapes.json").write_bytes(encode(source))
-    run_step(step, tmp_path / "in", tmp_path / "out")
+    found = run_step(step, tmp_path / "in", tmp_path / "out")
     shapes = decode(Shapes, (tmp_path / "out" / "shapes.json").read_bytes())
-    return shapes, tmp_path / "out" / "meshes"
+    return shapes, tmp_path / "out" / "meshes", found
+
+
+def drawn(path: str, *links: str, X: Pose = IDENTITY) -> SourceShapes:
+    """One file that some links show; the shapes have the links' names."""
+    return SourceShapes(tuple(SourceShape(n, n, "visual", MeshFile(path), X) for n in links))
 
 
 def test_a_mesh_that_two_links_share_is_one_file(tmp_path: Path):
     converted(tmp_path / "in/visual/leg", SurfaceMaterial())
-    source = SourceShapes(
-        tuple(
-            SourceShape(f"{n}_v", n, "visual", MeshFile("m/leg.dae"), RAISED)
-            for n in ("left", "right")
-        )
-    )
-    uses = tuple(
-        Use(n, "visual", f"{n}_v", mesh="visual/leg", stem="leg") for n in ("left", "right")
-    )
-    shapes, meshes = assembled(tmp_path, source, Assemble(uses=uses))
+    source = drawn("m/leg.dae", "left", "right", X=RAISED)
+    uses = tuple(Use(n, "visual", n, mesh="visual/leg", stem="leg") for n in ("left", "right"))
+    shapes, meshes, _ = assembled(tmp_path, source, Assemble(uses=uses))
     assert [s.name for s in shapes.shapes] == ["left_visual", "right_visual"]
     assert {s.geometry for s in shapes.shapes} == {Mesh(shapes.meshes[0].name)}
     assert all(s.X_link_shape == RAISED for s in shapes.shapes)
@@ -71,7 +73,7 @@ def test_a_part_keeps_its_own_colour_and_else_takes_the_description_s(tmp_path: 
     silver = Material("silver", (0.7, 0.7, 0.8, 1.0))
     shape = SourceShape("a", "arm", "visual", MeshFile("arm.dae"), material="silver")
     step = Assemble(uses=(Use("arm", "visual", "a", mesh="visual/arm", stem="arm"),))
-    shapes, _ = assembled(tmp_path, SourceShapes((shape,), (silver, Material("unused"))), step)
+    shapes, *_ = assembled(tmp_path, SourceShapes((shape,), (silver, Material("unused"))), step)
     assert [s.name for s in shapes.shapes] == ["arm_visual1", "arm_visual2"]
     assert [s.material for s in shapes.shapes] == ["材质", "silver"]
     assert [(m.name, m.rgba) for m in shapes.materials] == [("材质", RED), ("silver", silver.rgba)]
@@ -82,7 +84,7 @@ def test_two_colours_of_one_name_stay_two_materials(tmp_path: Path):
         converted(tmp_path / "in/visual" / name, SurfaceMaterial("paint", rgba))
     source = SourceShapes(tuple(SourceShape(n, n, "visual", MeshFile(f"{n}.dae")) for n in "ab"))
     uses = tuple(Use(n, "visual", n, mesh=f"visual/{n}", stem=n) for n in "ab")
-    shapes, _ = assembled(tmp_path, source, Assemble(uses=uses))
+    shapes, *_ = assembled(tmp_path, source, Assemble(uses=uses))
     assert [m.name for m in shapes.materials] == ["paint", "paint_2"]
     assert [s.material for s in shapes.shapes] == ["paint", "paint_2"]
     assert len(shapes.meshes) == 1  # the same geometry, in two colours
@@ -96,7 +98,7 @@ def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
     write_pieces(folder, [ConvexPiece(hull), ConvexPiece(Sphere(0.1), offset)], None)
     source = SourceShapes((SourceShape("s", "foot", "collision", MeshFile("f.stl"), RAISED),))
     use = Use("foot", "collision", "s", pieces="collision/hull", stem="foot")
-    shapes, _ = assembled(tmp_path, source, Assemble(uses=(use,)))
+    shapes, *_ = assembled(tmp_path, source, Assemble(uses=(use,)))
     assert [s.name for s in shapes.shapes] == ["foot_collision1", "foot_collision2"]
     assert [shape.X_link_shape for shape in shapes.shapes] == [RAISED, RAISED @ offset]
     assert shapes.shapes[1].geometry == Sphere(0.1)
@@ -105,10 +107,8 @@ def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
 
 def test_links_that_hit_nothing_are_told(tmp_path: Path):
     shapes = tuple(SourceShape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
-    (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "shapes.json").write_bytes(encode(SourceShapes(shapes)))
     step = Assemble(uses=(Use("foot", "collision", "foot"),))
-    (finding,) = run_step(step, tmp_path / "in", tmp_path / "out")
+    (finding,) = assembled(tmp_path, SourceShapes(shapes), step)[2]
     assert finding.rule == "collision.none"
     assert "`rotor`" in finding.message
     assert "`foot`" not in finding.message
@@ -120,7 +120,7 @@ def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
     step = Assemble(
         uses=tuple(Use("box", role, "lid", named=True) for role in ("visual", "collision"))
     )
-    shapes, _ = assembled(tmp_path, source, step)
+    shapes, *_ = assembled(tmp_path, source, step)
     assert [(s.name, s.role) for s in shapes.shapes] == [
         ("lid", "visual"),
         ("box_collision", "collision"),
@@ -166,7 +166,7 @@ def test_a_texture_without_coordinates_gives_its_mean_colour(
     folder = "visual/a" if how == "mesh" else None
     use = Use("a", "visual", "a", mesh=folder, named=named)
     step = Assemble(uses=(use,), textures=("m.png",))
-    shapes, _ = assembled(tmp_path, SourceShapes((shape,), (material,)), step)
+    shapes, *_ = assembled(tmp_path, SourceShapes((shape,), (material,)), step)
     mean = (1.0, 1.0, 1.0) if named else tuple(v / 2 / 255 for v in left)
     assert shapes.materials[0].rgba == pytest.approx((*mean, 0.5), abs=1e-6)
     assert shapes.materials[0].texture is None
@@ -183,9 +183,8 @@ def test_a_material_that_the_mesh_overrules_is_said(
     converted(tmp_path / "in/visual/a", material)
     shape = SourceShape("a", "arm", "visual", MeshFile("a.obj"), material=stated)
     source = SourceShapes((shape,), (Material("silver", (0.7, 0.7, 0.8, 1.0)),))
-    (tmp_path / "in/shapes.json").write_bytes(encode(source))
     step = Assemble(uses=(Use("a", "visual", "a", mesh="visual/a"),))
-    found = run_step(step, tmp_path / "in", tmp_path / "out")
+    found = assembled(tmp_path, source, step)[2]
     assert [f.rule for f in found if f.rule == "material.of_mesh"] == ["material.of_mesh"] * count
 
 
@@ -198,7 +197,6 @@ def test_a_texture_that_the_source_lacks_is_told(
     half_black(tmp_path / "in/textures/0", (255, 0, 51))
     shape = SourceShape("a", "arm", "visual", Box((1.0, 1.0, 1.0)), material="m")
     source = SourceShapes((shape,), (Material("m", (1.0, 1.0, 1.0, 1.0), "m.png"),))
-    (tmp_path / "in/shapes.json").write_bytes(encode(source))
     step = Assemble(uses=(Use("a", "visual", "a"),), textures=listed)
-    found = run_step(step, tmp_path / "in", tmp_path / "out")
+    found = assembled(tmp_path, source, step)[2]
     assert [f.rule for f in found if f.rule.startswith("texture.")] == rules

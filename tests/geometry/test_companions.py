@@ -1,4 +1,4 @@
-"""Textures on their whole way: named by a mesh in a source, shown by MJCF, USD and URDF."""
+"""Textures on their whole way: named by a mesh in a source, shown by MJCF and URDF."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from pxr import Usd, UsdGeom, UsdShade
 
 from assetbuild.cli.check import check
 from assetbuild.engine.questions import KIND
@@ -52,7 +51,7 @@ RECIPE = """schema: assetbuild/v1
 robot: r
 source: {{{source}, urdf: r.urdf, license: MIT}}
 collision: {{default: {{method: none}}}}
-targets: [mjcf, usd, urdf]
+targets: [mjcf, urdf]
 """
 
 
@@ -114,13 +113,8 @@ def built(recipe: Path) -> tuple[Outcome, Path, dict[str, list[str]]]:
     return outcome, out, told
 
 
-@pytest.fixture
-def bundle(first: Path) -> Path:
-    return first / "out"
-
-
-def test_mujoco_shows_both_pictures_where_they_belong(bundle: Path):
-    model = mujoco.MjModel.from_xml_path(str(bundle / "mjcf/r.xml"))
+def test_mujoco_shows_both_pictures_where_they_belong(first: Path):
+    model = mujoco.MjModel.from_xml_path(str(first / "out/mjcf/r.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
@@ -153,31 +147,13 @@ def corner_colours(model, data, geom):
             yield y, tuple(int(v) for v in pixels[row, column])
 
 
-def test_usd_reads_the_picture_with_the_mesh_s_coordinates(bundle: Path):
-    stage = Usd.Stage.Open(str(bundle / "usd/r.usda"))
-    files = set()
-    for prim in stage.Traverse():
-        if prim.IsA(UsdShade.Shader) and UsdShade.Shader(prim).GetIdAttr().Get() == "UsdUVTexture":
-            path = Path(UsdShade.Shader(prim).GetInput("file").Get().resolvedPath)
-            assert path.is_file()
-            files.add(path.name.partition("-")[0])
-    assert files == {"wood_one", "check"}
-    meshes = [
-        prim
-        for prim in stage.Traverse(Usd.TraverseInstanceProxies())
-        if prim.IsA(UsdGeom.Mesh) and UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").IsDefined()
-    ]
-    assert len(meshes) == 3
-
-
-def test_a_viewer_of_the_urdf_finds_the_texture_beside_the_mesh(bundle: Path):
-    for path in sorted((bundle / "urdf/meshes").glob("tile*.obj")):
+def test_a_viewer_of_the_urdf_finds_the_texture_beside_the_mesh(first: Path):
+    for path in sorted((first / "out/urdf/meshes").glob("tile*.obj")):
         mesh = trimesh.load(path, force="mesh", process=False)
         assert mesh.visual.material.image.size == (16, 16)
         assert mesh.visual.uv.shape == (4, 2)
 
 
-@pytest.mark.slow
 def test_a_picture_that_appears_later_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "empty"))
     files = {k: v for k, v in FILES.items() if k != "meshes/looks/wood one.jpg"}
@@ -193,7 +169,6 @@ def test_a_picture_that_appears_later_is_noticed(tmp_path: Path, monkeypatch: py
     assert "convert_mesh tile" in ran
 
 
-@pytest.mark.slow
 def test_a_picture_outside_of_the_source_is_not_followed(tmp_path: Path):
     (tmp_path / "secret.png").write_bytes(picture((1, 2, 3), (4, 5, 6), "PNG"))
     outside = MTL.replace("wood one.jpg", "../../../secret.png").encode()
@@ -234,7 +209,7 @@ def test_an_mjcf_says_all_about_its_looks_itself(tmp_path: Path):
     }
     recipe = laid_out(tmp_path, files)
     text = recipe.read_text().replace("urdf: r.urdf", "mjcf: r.xml")
-    recipe.write_text(text.replace("targets: [mjcf, usd, urdf]", "targets: [mjcf]"))
+    recipe.write_text(text.replace("targets: [mjcf, urdf]", "targets: [mjcf]"))
     _, out, _ = built(recipe)
     model = mujoco.MjModel.from_xml_path(str(out / "mjcf/r.xml"))
     looks = {model.material(i).name: model.mat_rgba[i].tolist() for i in range(model.nmat)}

@@ -10,11 +10,9 @@ every finding is then a false alarm and the exit code is 1.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tests.mutations.bundle import FORMATS, files_of, form_of
@@ -35,9 +33,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--format", choices=FORMATS, action="append")
     parser.add_argument("--rewrite", action="store_true", help="write the files anew, same meaning")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--out", type=Path, help="all results as JSON")
     chosen = parser.parse_args(words)
-    results: dict[str, list[Result]] = {}
     began = time.monotonic()
     alarms = 0
     for bundle in chosen.bundle:
@@ -47,13 +43,10 @@ def main(words: Sequence[str] | None = None) -> int:
         there = {form_of(file) for file in files_of(bundle)}
         forms = [form for form in chosen.format or FORMATS if form in there]
         drawn = sample(bundle, forms, chosen.seed, chosen.count)
-        results[bundle.name] = list(try_all(bundle, drawn, chosen.processes))
-        print(f"\n# {bundle.name}\n\n{table(results[bundle.name])}")
+        results = list(try_all(bundle, drawn, chosen.processes))
+        print(f"\n# {bundle.name}\n\n{table(results)}")
         print(f"\n{(time.monotonic() - began):.0f} s so far")
-        print(missed(results[bundle.name]), flush=True)
-    if chosen.out:
-        plain = {name: [asdict(one) for one in some] for name, some in results.items()}
-        chosen.out.write_text(json.dumps(plain, indent=1, default=str), encoding="utf-8")
+        print(*missed(results), sep="\n", flush=True)
     return 1 if alarms else 0
 
 
@@ -77,23 +70,12 @@ def share(part: int, whole: int) -> str:
     return f"{100 * part / whole:.1f} %" if whole else ""
 
 
-def missed(results: Sequence[Result]) -> str:
-    """What `validate` or `diff` did not find, by format and attribute, the most frequent first."""
-    groups: dict[tuple[str, str], list[Result]] = {}
+def missed(results: Sequence[Result]) -> Iterator[str]:
+    """A line for each change that `validate` or `diff` did not find."""
     for one in results:
         if one.verdict and (one.verdict.validate, one.verdict.diff) != ("found", "found"):
-            name = (form_of(one.mutation.file), one.mutation.attribute)
-            groups.setdefault(name, []).append(one)
-    lines = ["", "not found:"] if groups else []
-    for (form, name), some in sorted(groups.items(), key=lambda row: -len(row[1])):
-        first = some[0].verdict
-        assert first is not None
-        said = f" [{first.said[0][:160]}]" if first.said else ""
-        lines.append(
-            f"- {form} `{name}`: {len(some)}, validate {first.validate}, diff {first.diff}; "
-            f"e.g. {some[0].mutation}{said}"
-        )
-    return "\n".join(lines)
+            verdict = f"validate {one.verdict.validate}, diff {one.verdict.diff}"
+            yield f"- {one.mutation}: {verdict} {' '.join(one.verdict.said[:1])[:160]}"
 
 
 def false_alarms(bundle: Path) -> int:
