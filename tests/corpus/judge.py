@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
 
 import numpy as np
 
-from corpus.assimp import Measured, polygons, polygons_measured
+from tests.corpus.assimp import Measured, polygons, polygons_measured
 
 POSES = 10
 TOLERANCE = 1e-6

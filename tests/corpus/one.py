@@ -1,7 +1,7 @@
 """One robot through `init` and `build`: its row of the table.
 
-As a program: `python one.py`, the robot as JSON on the standard input, the row on the standard
-output. The runner starts it that way: whatever a robot does to this process is an outcome.
+As a program: the robot as JSON on the standard input, the row on the standard output. The runner
+starts it that way: whatever a robot does to this process is an outcome.
 """
 
 from __future__ import annotations
@@ -18,13 +18,10 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from corpus.judge import evaluate
-from corpus.lists import Robot
-from corpus.rules import broken
-from corpus.xacros import XacroError, expanded, packages_in
+from tests.corpus.judge import evaluate
+from tests.corpus.lists import Robot
+from tests.corpus.rules import broken
+from tests.corpus.xacros import XacroError, expanded, packages_in
 
 SECONDS = 300
 """For `init` and `build` together."""

@@ -10,7 +10,7 @@ import os
 import shutil
 from pathlib import Path
 
-from corpus.lists import Robot
+from tests.corpus.lists import Robot
 
 _MJCFS = {
     "mjlab/g1": "unitree_g1/xmls/g1.xml",

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from urdfs import LIMIT, inertial, joint, link, mesh, robot, shape
 
-from corpus.judge import evaluate
+from tests.corpus.judge import evaluate
 
 URDF = robot(
     link("base", inertial(2.0), shape("visual", mesh("box.stl"), "0.1 0 0")),

@@ -10,7 +10,7 @@ import pytest
 from daes import dae
 
 from assetbuild.mesh.read import read_mesh
-from corpus.assimp import polygons, polygons_measured
+from tests.corpus.assimp import polygons, polygons_measured
 
 try:
     files("cmeel-assimp")

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 from urdfs import box, inertial, joint, link, robot, shape
 
-from corpus.lists import Robot, wide
-from corpus.rules import broken
-from corpus.run import in_a_child, rows_in
+from tests.corpus.__main__ import in_a_child, rows_in
+from tests.corpus.lists import Robot, wide
+from tests.corpus.one import one
+from tests.corpus.rules import broken
 
 ROOT = Path(__file__).parents[2]
 
@@ -107,3 +108,21 @@ def test_a_child_that_dies_is_an_outcome(sources: Path, tmp_path: Path):
     row = in_a_child(Robot("r", folder / "good.urdf", folder), tmp_path, 60.0)
     assert row["result"] == "failed"
     assert str(row["cause"]).startswith("runner: exit code")
+
+
+REAL = {
+    "quadruped_description/urdf/quadruped.urdf": "locked knees, meshes beside the URDF",
+    "hector_description/robots/quadrotor_base.urdf": "nothing moves but its base",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_robot_is_ready_and_equal_to_its_source(
+    name: str, go1_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    if not (go1_root / "robots" / name).is_file():
+        pytest.skip(f"no {name} in {go1_root}: name the unpacked package in ASSETBUILD_TEST_DATA")
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
+    row = one(Robot(name, go1_root / "robots" / name, go1_root), tmp_path)
+    assert (row["result"], row["judge"], row["lost"]) == ("ready", "equal", []), row["note"]

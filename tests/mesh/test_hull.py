@@ -14,22 +14,10 @@ from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit_many import Cloud
 from assetbuild.mesh.hull import capped, convex_hull, hull_or_points, polygon_count
 from assetbuild.mesh.hulls import common_hull
-from assetbuild.mesh.primitives import (
-    distance_slopes,
-    resized,
-    signed_distance,
-    tessellate,
-)
+from assetbuild.mesh.primitives import distance_slopes, resized, signed_distance, tessellate
 from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import (
-    Box,
-    Capsule,
-    Cylinder,
-    Primitive,
-    Sphere,
-    sizes_of,
-)
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere, sizes_of
 
 
 def grid(n: int = 7) -> np.ndarray:

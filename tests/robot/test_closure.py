@@ -37,7 +37,9 @@ def closed(crank: float) -> dict[str, float]:
 def weld(loop: Loop, q: dict[str, float]) -> Loop:
     """The same loop as a weld that is closed at `q`: the coupler's end is turned."""
     turn = quat_of_rpy(0.0, q["rocker_joint"] - q["crank_joint"] - q["coupler_joint"], 0.0)
-    return replace(loop, kind="weld", a=replace(loop.a, X_body_end=Pose(loop.a.X_body_end.xyz, turn)))
+    return replace(
+        loop, kind="weld", a=replace(loop.a, X_body_end=Pose(loop.a.X_body_end.xyz, turn))
+    )
 
 
 @pytest.mark.parametrize("crank", [0.3, 1.0, -1.4, 2.5])
