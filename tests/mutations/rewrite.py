@@ -8,6 +8,7 @@ import random
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -45,12 +46,8 @@ def ways(file: str) -> Mapping[str, Rewriting]:
     """By what they are called, the ways to write a file differently."""
     ending = Path(file).suffix
     if ending in (".xml", ".urdf"):
-        found: dict[str, Rewriting] = {
-            "comments": _comments,
-            "order of attributes": _order,
-            "spelling": _spelling,
-        }
-        return found | ({"signs of quaternions": _signs} if form_of(file) == "mjcf" else {})
+        changes = XML if form_of(file) == "mjcf" else {k: XML[k] for k in list(XML)[:3]}
+        return {how: partial(_each, change=change) for how, change in changes.items()}
     others: Mapping[str, Mapping[str, Rewriting]] = {
         ".usda": {"layer exported": _export, "signs of quaternions": _usd_signs},
         ".usdc": {"layer exported": _export},
@@ -72,41 +69,37 @@ def _each(path: Path, change: Callable[[etree._Element], None]) -> None:
     tree.write(str(path), encoding="utf-8")
 
 
-def _comments(path: Path) -> None:
-    def comment(element: etree._Element) -> None:
-        if element.tag != "include":  # MuJoCo takes nothing inside of one
-            element.insert(0, etree.Comment(" mass 3 "))
-
-    _each(path, comment)
+def _comment(element: etree._Element) -> None:
+    if element.tag != "include":  # MuJoCo takes nothing inside of one
+        element.insert(0, etree.Comment(" mass 3 "))
 
 
-def _order(path: Path) -> None:
-    def reverse(element: etree._Element) -> None:
-        items = list(element.attrib.items())
-        element.attrib.clear()
-        for name, value in reversed(items):
-            element.set(name, value)
-
-    _each(path, reverse)
+def _reverse(element: etree._Element) -> None:
+    items = list(element.attrib.items())
+    element.attrib.clear()
+    element.attrib.update(reversed(items))
 
 
-def _spelling(path: Path) -> None:
-    def spell(element: etree._Element) -> None:
-        for name, value in element.attrib.items():
-            words = str(value).split()
-            if all(DECIMAL.fullmatch(word) or word.lstrip("-").isdigit() for word in words):
-                element.set(str(name), "  ".join(f"{w}00" if "." in w else w for w in words))
-
-    _each(path, spell)
+def _spell(element: etree._Element) -> None:
+    for name, value in element.attrib.items():
+        words = str(value).split()
+        if all(DECIMAL.fullmatch(word) or word.lstrip("-").isdigit() for word in words):
+            element.set(str(name), "  ".join(f"{w}00" if "." in w else w for w in words))
 
 
-def _signs(path: Path) -> None:
-    def flip(element: etree._Element) -> None:
-        quat = element.get("quat")
-        if quat:
-            element.set("quat", " ".join(repr(-float(word)) for word in quat.split()))
+def _flip(element: etree._Element) -> None:
+    quat = element.get("quat")
+    if quat:
+        element.set("quat", " ".join(repr(-float(word)) for word in quat.split()))
 
-    _each(path, flip)
+
+XML = {
+    "comments": _comment,
+    "order of attributes": _reverse,
+    "spelling": _spell,
+    "signs of quaternions": _flip,
+}
+"""The last one for MJCF alone."""
 
 
 def _export(path: Path) -> None:
