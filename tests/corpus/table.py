@@ -35,10 +35,7 @@ def causes(rows: dict[str, dict]) -> list[str]:
             if row["result"] != "ready"
             else f"{row.get('judge')} {row.get('breaks', '')}"
         )
-        cells = [str(len(names)), cause, first, ", ".join(names)]
-        lines.append(
-            "| " + " | ".join(c.replace("|", "\\|").replace("\n", " ") for c in cells) + " |"
-        )
+        lines.append(cells(len(names), cause, first, ", ".join(names)))
     return lines
 
 
@@ -57,7 +54,7 @@ def faults(row: dict) -> list[str]:
 
 def line_of(name: str, row: dict) -> str:
     findings = row.get("findings", {})
-    cells = [
+    return cells(
         name.removesuffix(".urdf"),
         row["result"],
         row.get("cause", ""),
@@ -67,10 +64,14 @@ def line_of(name: str, row: dict) -> str:
         ", ".join(f"{count} {name}" for name, count in row.get("edits", {}).items()),
         ", ".join(row["lost"]) or "none" if "lost" in row else "-",
         "/".join(str(findings.get(s, 0)) for s in ("error", "warning", "info")),
-        str(row["note"]),
-    ]
-    plain = (str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells)
-    return "| " + " | ".join(plain) + " |"
+        row["note"],
+    )
+
+
+def cells(*values: object) -> str:
+    """A row of a table."""
+    plain = (str(value).replace("|", "\\|").replace("\n", " ") for value in values)
+    return f"| {' | '.join(plain)} |"
 
 
 def summary(rows: dict[str, dict]) -> str:

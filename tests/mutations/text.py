@@ -22,12 +22,16 @@ BARE = rf'\b(?:{"|".join(word for row in WORDS for word in row)})\b(?= [\w"])'
 WORD = r"\b(?:[Tt]rue|[Ff]alse|None|null)\b"
 VALUE = rf'"[^"\n]*"|@[^@\n]*@|{PATH}|\d+(?:/\d*)+|{NUMBER}|{WORD}'
 RUN = re.compile(rf"{BARE}|(?:{VALUE})(?:,? +(?:{VALUE}))*")
+"""Values that stand beside one another: a vector, a list, the corners of a face."""
 QUOTED = re.compile(rf'"{NUMBER}(?:\s+{NUMBER})*"')
 ITEM = re.compile(r'\s[\w:]+="[^"\n]*",?')
+"""An attribute of an element."""
 NAME = re.compile(r"([A-Za-z_][\w:.]*)\"?\s*[=:]")
 COMMENT = re.compile(r'"""(?s:.*?)"""|#[^\n]*|<!--(?s:.*?)-->|<\?[^\n]*')
+"""Docstrings too, which mean nothing."""
 CLOSING = (")", "]", "}", "{", "</")
 REPEATED = re.compile(r'\s*(?:<\w|def |[\[({"\d-])(?![^"\n]*":)')
+"""Lines of which there may be one more: elements, prims and items, not keys."""
 OWN_NAME = re.compile(r'((?:\bname=|def \w+ )")([^"]+)')
 FLIPPED = {"true": "false", "false": "true", "True": "False", "False": "True",
            "None": "1.0", "null": "1.0"}  # fmt: skip
