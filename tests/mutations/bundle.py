@@ -7,7 +7,6 @@ import itertools
 import json
 import os
 import random
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -104,12 +103,3 @@ def refit(bundle: Path, file: str) -> None:
             named = (bundle / str(subject["name"])).read_bytes()
             subject["digest"] = {"sha256": hashlib.sha256(named).hexdigest()}
     own.write_text(f"{json.dumps(statement, indent=2, sort_keys=True)}\n", encoding="utf-8")
-
-
-def copied(bundle: Path, folder: Path) -> Path:
-    """A copy to work in: what the generator and the readers look at."""
-    wanted = [*files_of(bundle), "manifest.json", "provenance.json", "report/report.json"]
-    for file in wanted:
-        (folder / file).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(bundle / file, folder / file)
-    return folder

@@ -59,7 +59,7 @@ class Judge:
         """Reads all files of the untouched bundle. bundle: the copy that will be changed."""
         self.bundle = bundle
         self.robot = str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
-        self.before = _side(untouched, bundle)
+        self.before = _side(untouched)
         reference = Reference.of_bundle(bundle)
         self.reads: list[Read] = []
         for _, reader, file in bundle_readers(bundle, self.robot, reference):
@@ -128,19 +128,11 @@ class Judge:
             return [Change("CRITICAL", ("file",), _crash("diff").message, "", "")]
 
 
-def _side(untouched: Path, bundle: Path) -> Side:
-    """The untouched bundle for `diff`, as far as it was copied; each table is read once."""
+def _side(untouched: Path) -> Side:
+    """The untouched bundle for `diff`; each table is read once."""
     side = bundle_side(untouched)
-    digests = {path: d for path, d in side.digests.items() if (bundle / path).is_file()}
-    forms = {
-        name: replace(
-            form,
-            read=functools.cache(form.read),
-            covers=tuple(path for path in form.covers if path in digests),
-        )
-        for name, form in side.forms.items()
-    }
-    return replace(side, digests=digests, forms=forms)
+    read = {n: replace(f, read=functools.cache(f.read)) for n, f in side.forms.items()}
+    return replace(side, forms=read)
 
 
 def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import random
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from tests.mutations.bundle import copied, form_of, mutations, planted
+from tests.mutations.bundle import form_of, mutations, planted
 from tests.mutations.change import Mutation
 from tests.mutations.judge import Judge, Verdict
 from tests.mutations.meaning import Meaning, differ, meaning
@@ -35,7 +36,7 @@ class Bench:
 
     def __init__(self, bundle: Path, folder: Path) -> None:
         """bundle: untouched; folder: where the copy goes."""
-        self.bundle = copied(bundle, folder / "bundle")
+        self.bundle = Path(shutil.copytree(bundle, folder / "bundle"))
         self.judge = Judge(self.bundle, bundle)
         self.meanings: dict[str, Meaning] = {}
 

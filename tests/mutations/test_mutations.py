@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from PIL import Image
 from tiny import box_obj
 from urdfs import box, inertial, joint, link, mesh, robot, shape
 
-from tests.mutations.bundle import FORMATS, copied, files_of, form_of, mutations, planted
+from tests.mutations.bundle import FORMATS, files_of, form_of, mutations, planted
 from tests.mutations.conftest import built
 from tests.mutations.rewrite import rewritten
 from tests.mutations.run import Result, sample, try_all
@@ -74,7 +75,7 @@ def write_arm(folder: Path) -> None:
 
 @pytest.fixture
 def copy(legs: Path, tmp_path: Path) -> Path:
-    return copied(legs, tmp_path / "copy")
+    return Path(shutil.copytree(legs, tmp_path / "copy"))
 
 
 def attributes(path: Path) -> list[tuple[str, str, str]]:
