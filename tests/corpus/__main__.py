@@ -28,9 +28,8 @@ from pathlib import Path
 from threading import Lock
 
 from tests.corpus.lists import WIDE as WIDE_LIST
-from tests.corpus.lists import Robot, data_root, example, fetch, wide
+from tests.corpus.lists import Robot, data_root, example, fetch, others, wide
 from tests.corpus.one import SECONDS
-from tests.corpus.others import others
 from tests.corpus.table import summary, table
 
 JUDGES_SECONDS = 300

@@ -1,6 +1,6 @@
 """The lists of robots: what `init` gets for each, and where its files come from.
 
-`example`: the URDFs of example-robot-data, and what `others.py` adds. `wide`: `wide.yaml`, robots
+`example`: the URDFs of example-robot-data, and what `others` adds. `wide`: `wide.yaml`, robots
 of public repositories and packages, each with its commit or version and its licence; a source is
 looked for in a folder and fetched when it is not there.
 """
@@ -79,6 +79,40 @@ def unpacked_wheel(requirement: str, folder: Path) -> Path:
         wheel.unlink()
         done.touch()
     return folder
+
+
+def others(root: Path, work: Path) -> list[Robot]:
+    """Two xacros and mjlab's MJCFs, where their data are; work: for a package put together.
+
+    The xacros lie in `$ASSETBUILD_SHARED/data`; the Go1's meshes are those of example-robot-data.
+    mjlab's wheel is unpacked in `$ASSETBUILD_MJLAB`.
+    """
+    data, mjlab = _folder("ASSETBUILD_SHARED", "data"), _folder("ASSETBUILD_MJLAB", "")
+    found = [_go1(data, root, work), _ur10e(data)] if data else []
+    if mjlab:
+        robots = mjlab / "mjlab/asset_zoo/robots"
+        files = ("unitree_g1/xmls/g1.xml", "unitree_go1/xmls/go1.xml", "i2rt_yam/xmls/yam.xml")
+        found += [Robot(f"mjlab/{Path(file).stem}", robots / file, mjlab) for file in files]
+    return found
+
+
+def _folder(variable: str, below: str) -> Path | None:
+    named = os.environ.get(variable)
+    return Path(named) / below if named and (Path(named) / below).is_dir() else None
+
+
+def _ur10e(data: Path) -> Robot:
+    folder = data / "ur_description"
+    args = {"name": "ur10e", "ur_type": "ur10e"}
+    return Robot("xacro/ur10e", folder / "urdf/ur.urdf.xacro", folder, args)
+
+
+def _go1(data: Path, root: Path, work: Path) -> Robot:
+    package = work / "go1_description"
+    if not package.is_dir():
+        shutil.copytree(data / "go1_xacro/go1_description", package)
+        shutil.copytree(root / "robots/go1_description/meshes", package / "meshes")
+    return Robot("xacro/go1", package / "xacro/robot.xacro", package)
 
 
 # --- the wide list --------------------------------------------------------------------------
