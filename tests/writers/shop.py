@@ -22,7 +22,6 @@ Fate = Literal["same", "refused", "missed", "caught"]
 """same: no file means anything else. refused: no bundle came out. missed: a bundle that means
 something else is called ready; caught: it is not."""
 SECONDS = 900
-WITHOUT_PICTURES = ("plan/__init__.py", "drawn: bool = True", "drawn: bool = False")
 
 
 @dataclass(frozen=True)
@@ -77,20 +76,16 @@ class Shop:
         return self.clean[recipe]
 
     def _package(self, bug: Bug | None) -> Path:
-        """A copy of the package, by links, with the bug and without pictures."""
+        """A copy of the package, by links, with the bug."""
         place = Path(tempfile.mkdtemp(dir=self.folder))
-        file, old, new = WITHOUT_PICTURES
-        changed = {file: (PACKAGE / file).read_text(encoding="utf-8").replace(old, new)}
-        if bug is not None:
-            changed[bug.file] = planted(PACKAGE, bug)
         for path in PACKAGE.rglob("*"):
             name = path.relative_to(PACKAGE).as_posix()
             if path.is_dir() or "__pycache__" in name:
                 continue
             copy = place / "assetbuild" / name
             copy.parent.mkdir(parents=True, exist_ok=True)
-            if name in changed:
-                copy.write_text(changed[name], encoding="utf-8")
+            if bug is not None and name == bug.file:
+                copy.write_text(planted(PACKAGE, bug), encoding="utf-8")
             else:
                 copy.symlink_to(path)
         return place / "assetbuild"
@@ -101,6 +96,7 @@ class Shop:
             "PYTHONPATH": str(packages),
             "ASSETBUILD_CACHE": str(self.folder / "store"),
             "PYTHONDONTWRITEBYTECODE": "1",
+            "MUJOCO_GL": "disable",  # no pictures
         }
         program = "import sys; from assetbuild.__main__ import main; sys.exit(main())"
         command = [sys.executable, "-P", "-c", program, "build", str(recipe), "-o", str(out)]
