@@ -118,6 +118,11 @@ def stl(corners: np.ndarray, header: bytes = b"", count: int | None = None) -> b
     return header.ljust(80, b" ") + struct.pack("<I", stated) + record.tobytes()
 
 
+def flat_obj() -> bytes:
+    """A single open square in the plane z = 0: area but no volume."""
+    return b"v 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\nf 1 2 3\nf 1 3 4\n"
+
+
 # --- robots -------------------------------------------------------------------------------------
 
 LEGS: tuple[tuple[str, float, float], ...] = (
