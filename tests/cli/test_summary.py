@@ -124,6 +124,16 @@ def test_no_total_is_shown_before_all_steps_are_known(capsys: pytest.CaptureFixt
     assert lines[1] == "tiny: [10/75] read_urdf, 0.1 s"
 
 
+def test_a_step_that_takes_long_leaves_a_line_when_it_begins(capsys: pytest.CaptureFixture[str]):
+    shown = Progress("tiny")
+    seconds = {"pose": 3.0, "check smoke_mjlab": 90.0}
+    shown.on_event(Event("planned", 0, 9, costs=Costs(seconds, seconds)))
+    for label in seconds:
+        shown.on_event(Event("started", 1, 9, label))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["tiny: [1/9] check smoke_mjlab begins, 1 min 30 s expected"]
+
+
 def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     """All that the console shows of `FELL`, by whatever verb."""
     saw = CheckResult("pass", {"summary": "the root went to 0.125 m"})

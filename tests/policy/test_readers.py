@@ -104,6 +104,7 @@ def test_a_policy_is_found_by_its_folder_its_network_or_its_file(bot: Bot, tmp_p
         ("step_dt", 0.0, "it acts every 0 s"),
         ("stiffness", [math.inf] * 12, "numbers that are not finite"),
         ("observations", {"joint_pos_rel": {"params": {}, "history_length": 10**9}}, "looks back"),
+        ("observations", {"joint_pos_rel": {"params": {}, "history_length": -1}}, "back -1 steps"),
         ("actions", {"JointEffortAction": {}}, "expected `JointPositionAction` alone"),
     ],
 )

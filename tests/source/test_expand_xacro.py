@@ -72,6 +72,10 @@ MISTAKES: dict[str, tuple[str, dict[str, str], dict[str, object], tuple[str, ...
         '<macro name="m" params="x"><link name="${x}"/></macro><xacro:m x="a"/>', {}, {},
         ("hint: write `<xacro:macro`: xacro reads `<macro` no more",),
     ),
+    "a macro above its definition": (
+        '<xacro:m/>\n<xacro:macro name="m"><link name="a"/></xacro:macro>', {}, {},
+        ("pkg/r.xacro:1: ", "it is defined below its first use"),
+    ),
     "no such macro": ("\n<xacro:nothing/>", {}, {}, ("pkg/r.xacro:2: ",)),
     "no such name in an include": (
         OF_PKG + "<xacro:good/>",

@@ -243,6 +243,7 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
         (robot(""), "a robot without bodies"),
         (robot('<body name="a"><freejoint/><geom size=".1"/></body>\n<body name="c"><freejoint/><geom size=".1"/></body>'), "robot.xml:2: 2 bodies, none of them driven, in the world, and a recipe builds one"),
         (robot('<body name="a">\n<geom size=".1" sise="3"/></body>'), "robot.xml:2: MuJoCo does not compile it: Schema violation: unrecognized attribute: 'sise'"),
+        (robot('<body name="a"><geom size=".1" material="m"/></body>'), "hint: if another file includes this one and defines it"),
         (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
         (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`"),
         (robot('<body name="nan">\n<geom size=".1" pos="0 nan 0"/></body>'), "robot.xml:2: <geom> `pos` is `0 nan 0`: not a number"),
