@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 from xml.etree import ElementTree
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from assetbuild.errors import RecipeError
 from assetbuild.robot.files import SourceControl
-from assetbuild.robot.mjcf_only import parsed, root_pose
+from assetbuild.robot.mjcf_only import move, parsed, root_pose
 from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor, Tree
-from assetbuild.robot.pose import IDENTITY, Pose, vec3
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.sections import At, Mount
-from assetbuild.source.mjcf.opaque import words
 from assetbuild.source.mjcf.scenery import NAMES
 
 Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass or model
@@ -125,7 +123,7 @@ class PartControl:
             owner = self.prefix + item.owner if item.owner else ""
             if item.place == "body" and not item.owner:
                 owner = self.prefix + self.tree.root
-                _move(element, self.pose_in_root)
+                move(element, self.pose_in_root)  # a light of the part's world
             if element.tag in ("weld", "connect"):
                 self._hold(element)
             for inner in element.iter():
@@ -244,17 +242,3 @@ def _options(source_control: SourceControl | None) -> Mapping[str, str]:
             for flag in element:
                 options |= {f"flag {key}": value for key, value in flag.attrib.items()}
     return options
-
-
-def _move(element: ElementTree.Element, X: Pose) -> None:
-    """A light of the part's world, seen from its root."""
-    if X == IDENTITY:
-        return
-    place = X.apply(np.asarray([_numbers(element.get("pos", "0 0 0"))]))[0]
-    element.set("pos", words(vec3(place)))
-    if element.get("dir"):
-        element.set("dir", words(vec3(X.rotation @ np.asarray(_numbers(element.get("dir", ""))))))
-
-
-def _numbers(text: str) -> list[float]:
-    return [float(word) for word in text.split()]

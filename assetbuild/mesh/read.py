@@ -1,4 +1,4 @@
-"""Any mesh file to triangles by material: DAE, STL, OBJ, PLY, GLB, glTF."""
+"""Any mesh file to triangles by material: DAE, STL, OBJ, PLY, GLB, glTF, MuJoCo's MSH."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from assetbuild.mesh.obj import Obj, parse_obj
 from assetbuild.mesh.triangles import Indices, TriangleMesh, polygon_triangles
 from assetbuild.robot.pose import Array
 
-Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf"]
+Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf", "msh"]
 BY_TRIMESH: tuple[Format, ...] = ("ply", "glb", "gltf")
 UpAxis = Literal["ignore", "honour"]
 
@@ -88,7 +88,8 @@ def read_mesh(
     elif format in ("glb", "gltf"):
         mesh = read_gltf(data, format, companions or {}, subject)
     else:
-        mesh = {"dae": read_dae, "ply": _read_ply, "stl": _read_stl}[format](data, subject)
+        readers = {"dae": read_dae, "ply": _read_ply, "stl": _read_stl, "msh": _read_msh}
+        mesh = readers[format](data, subject)
     if mesh.coloured:
         message = "colours of single vertices or faces are left out: no target has a place for them"
         colours = VERTEX_COLOURS(subject, message, "give the mesh a material, or a texture")
@@ -234,6 +235,21 @@ def _bare(vertices: Array, faces: Indices | None = None, **said: Any) -> SourceM
     if faces is None:
         faces = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
     return SourceMesh((MaterialPart(SurfaceMaterial(), TriangleMesh(vertices, faces)),), **said)
+
+
+def _read_msh(data: bytes, subject: str) -> SourceMesh:
+    """MuJoCo's own format; its normals follow from the winding, and no texture uses its `uv`.
+
+    Four int32: the counts of vertices, normals, texture coordinates and faces; then float32 (3, 3
+    and 2 of each), then int32 (3 of each face).
+    """
+    counts = np.frombuffer(data[:16], "<i4").astype(np.int64) if len(data) >= 16 else np.zeros(4)
+    sizes = 4 * counts * (3, 3, 2, 3)
+    if counts.min() < 0 or 16 + sizes.sum() != len(data) or not counts[3]:
+        raise StepError(f"{subject}: not readable as MSH: its counts do not match its size")
+    vertices = np.frombuffer(data, "<f4", 3 * counts[0], 16).astype(np.float64)
+    faces = np.frombuffer(data, "<i4", 3 * counts[3], len(data) - sizes[3]).astype(np.int64)
+    return _bare(vertices.reshape(-1, 3), faces.reshape(-1, 3))
 
 
 # --- STL --------------------------------------------------------------------------------------

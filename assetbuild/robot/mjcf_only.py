@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
 from assetbuild.robot.model import Actuator, Control, MjcfOnly
-from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Quat, normalised_quat, vec3
 
 Element = ElementTree.Element
 SPRING_WORDS = ("stiffness", "springref")
@@ -26,6 +26,33 @@ def without(item: MjcfOnly, keys: Iterable[str]) -> MjcfOnly:
     return replace(item, element=ElementTree.tostring(element, "unicode"))
 
 
+def words(values: Iterable[float]) -> str:
+    """Numbers as XML has them: the shortest that are exact."""
+    return " ".join(repr(float(v) + 0.0).removesuffix(".0") for v in values)
+
+
+def move(element: Element, X: Pose) -> None:
+    """Write where an element stands in another frame. X: pose of its own frame there."""
+    if X == IDENTITY:
+        return
+    place, turn, direction = (_numbers(element, key) for key in ("pos", "quat", "dir"))
+    pose = X @ Pose(vec3(place or (0.0, 0.0, 0.0)), _quat(turn))
+    element.set("pos", words(pose.xyz))
+    if turn:
+        element.set("quat", words(pose.quat))
+    if direction:
+        element.set("dir", words(X.rotation @ direction))
+
+
+def _numbers(element: Element, key: str) -> list[float]:
+    return [float(word) for word in element.get(key, "").split()]
+
+
+def _quat(numbers: Sequence[float]) -> Quat:
+    w, x, y, z = numbers or IDENTITY.quat
+    return normalised_quat((w, x, y, z))
+
+
 def root_pose(items: Iterable[MjcfOnly], fixed: Pose = IDENTITY) -> Pose:
     """Where the source's world holds a floating root: torsos of some lie along their z.
 
@@ -34,9 +61,8 @@ def root_pose(items: Iterable[MjcfOnly], fixed: Pose = IDENTITY) -> Pose:
     for item in items:
         if item.place == "root":
             element = parsed(item)
-            w, x, y, z = map(float, (element.get("quat") or "1 0 0 0").split())
-            xyz = [float(word) for word in element.get("pos", "0 0 0").split()]
-            return Pose(vec3(xyz), normalised_quat((w, x, y, z)))
+            xyz = _numbers(element, "pos") or (0.0, 0.0, 0.0)
+            return Pose(vec3(xyz), _quat(_numbers(element, "quat")))
     return fixed
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
 from robot_files import run_step, write_robot_ports
@@ -112,6 +113,31 @@ def test_what_stands_on_a_merged_body_is_dropped_aloud(tmp_path: Path):
     assert [f.subject for f in dropped] == ["link c"]
     assert "keep_bodies" in dropped[0].hint
     assert written.control.excludes == (("a", "b"),), "the pair follows the merged link"
+
+
+EGG = """<mujoco><worldbody><body name="a"><freejoint/><geom size=".1"/>
+  <body name="b" pos=".1 .2 .3" euler="10 20 30">
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <geom name="egg" type="ellipsoid" size=".1 .2 .3" pos="0 .1 .2" quat=".5 .1 .2 .3"/>
+  <light name="lamp" pos=".1 0 0" dir="0 .6 .8"/></body></body></worldbody></mujoco>"""
+
+
+def test_a_shape_and_a_light_stay_where_they_are_when_their_body_is_merged(tmp_path: Path):
+    reading = read(EGG, tmp_path / "read")
+    reading.source = reading.source.__class__(reading.source.control, ("a",), ())
+    (reading.read / "source_control.json").write_bytes(encode(reading.source))
+    there, here = (
+        mujoco.MjModel.from_xml_string(EGG),
+        mujoco.MjModel.from_xml_path(str(write(reading, tmp_path / "out").xml)),
+    )
+    assert (there.nbody, here.nbody) == (3, 2)
+    places = []
+    for model in (there, here):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        egg, lamp = data.geom("egg"), data.light("lamp")
+        places.append(np.concatenate([egg.xpos, egg.xmat, lamp.xpos, lamp.xdir]))
+    np.testing.assert_allclose(places[1], places[0], atol=1e-12)
 
 
 def test_surfaces_of_shapes_made_anew_are_told(tmp_path: Path):

@@ -6,6 +6,7 @@ import io
 import json
 import time
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -38,6 +39,29 @@ def test_a_few_bytes_after_the_last_triangle_are_left_out_and_said(header):
     source = read_mesh(stl(BOX.corners, header) + b"\r\n", "stl")
     assert np.array_equal(source.parts[0].mesh.corners, BOX.corners)
     assert list(rules(source)) == ["mesh.stray_bytes"]
+
+
+def msh(faces: int = 12) -> bytes:
+    """The box as MuJoCo's MSH, with normals and texture coordinates. faces: what it promises."""
+    count = len(BOX.vertices)
+    floats = [BOX.vertices.ravel(), np.tile([0.0, 0.0, 1.0], count), np.zeros(2 * count)]
+    parts = np.array([count, count, count, faces], "<i4"), np.concatenate(floats).astype("<f4")
+    return b"".join(part.tobytes() for part in (*parts, BOX.faces.astype("<i4")))
+
+
+def test_an_msh_is_read_as_mujoco_reads_it():
+    (part,) = read_mesh(msh(), "msh").parts
+    assert np.array_equal(part.mesh.corners, BOX.corners)
+    text = """<mujoco><asset><mesh file="b.msh"/></asset><worldbody><body>
+      <geom type="mesh" mesh="b" density="10"/></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text, {"b.msh": msh()})
+    assert model.body_mass[1] == pytest.approx(10.0 * signed_volume(part.mesh))
+
+
+@pytest.mark.parametrize("data", [msh(11), msh()[:-4], msh()[:10], msh(-1)])
+def test_a_broken_msh_is_one_error(data: bytes):
+    with pytest.raises(StepError, match="its counts do not match its size"):
+        read_mesh(data, "msh")
 
 
 @pytest.mark.parametrize("change", [bytes.upper, lambda text: b"\xef\xbb\xbf" + text])

@@ -251,7 +251,7 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
         (robot(ARM, head='<option timestep="1e-9"/>'), "a timestep of 1e-09 s simulates nothing"),
         (robot(ARM, head='<asset><mesh name="m" file="../../x.stl"/></asset>'), "file `../../x.stl` leads out of the source"),
         (robot(ARM, head='<asset><mesh name="m" file="/etc/x.stl"/></asset>'), "file `/etc/x.stl` cannot be followed"),
-        (robot(ARM, head='<asset><mesh file="a.msh"/></asset>'), "is neither STL nor OBJ"),
+        (robot(ARM, head='<asset><mesh file="a.ply"/></asset>'), "is no STL, OBJ or MSH"),
         (robot(ARM, head='<include file="no.xml"/>'), "no file `arm/no.xml` to include"),
         (robot(ARM, head='<include file="../../../etc/passwd"/>'), "leads out of the source"),
         (robot(ARM, head='<include file="robot.xml"/>'), "is included twice"),

@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, MjcfOnly
 from assetbuild.simulators.mujoco import Model, actuators, mj
 from assetbuild.simulators.mujoco.drives import read_drive
 from assetbuild.source.mjcf.links import Links
-from assetbuild.source.mjcf.opaque import element_text, words
+from assetbuild.source.mjcf.opaque import element_text
 from assetbuild.source.mjcf.scenery import kind_of
 from assetbuild.source.mjcf.text import Element, dropped, error_at, own_attributes, where_of
 

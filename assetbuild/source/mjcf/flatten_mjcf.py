@@ -46,7 +46,7 @@ REFUSED = {
     "plugin": "the robot model has no place for MuJoCo plug-ins",
 }
 """Elements that make a robot this reader does not know, and what to do about them."""
-MESHES = (".stl", ".obj")
+MESHES = (".stl", ".obj", ".msh")
 TURNS = frozenset(("quat", "axisangle", "xyaxes", "zaxis", "euler"))
 WITHOUT_FORCE = frozenset(("type", "axis", "ref", "pos", "limited", "range", "margin", "group"))
 """Attributes of a joint that let it move freely, if it has no limits."""
@@ -217,7 +217,7 @@ def _resolved(root: Element) -> Element:
         for mesh in asset.iterchildren("mesh"):
             file = mesh.get("file", "")
             if file and not file.lower().endswith(MESHES):
-                raise error_at(mesh, f"mesh `{file}` is neither STL nor OBJ", "convert it to OBJ")
+                raise error_at(mesh, f"mesh `{file}` is no STL, OBJ or MSH", "convert it to OBJ")
     return root
 
 

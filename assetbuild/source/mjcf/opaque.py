@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.pose import Pose
 
 
@@ -38,8 +39,3 @@ def keys(words: str) -> frozenset[str]:
 def leftover(attributes: Mapping[str, str], held: frozenset[str]) -> dict[str, str]:
     """What an element says beyond what the Robot holds."""
     return {key: value for key, value in attributes.items() if key not in held and key != "class"}
-
-
-def words(values: Iterable[float]) -> str:
-    """Shortest exact numbers."""
-    return " ".join(repr(float(v) + 0.0).removesuffix(".0") for v in values)

@@ -13,6 +13,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import SourceControl
+from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.model import Base, Camera, Contact, MjcfOnly, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import SourceShapes
@@ -20,7 +21,7 @@ from assetbuild.robot.tree import depth_first
 from assetbuild.source.mjcf.compiled import compile_source, pose_at
 from assetbuild.source.mjcf.drives import Drives, read_drives
 from assetbuild.source.mjcf.links import BALL, FREE, Links, read_links
-from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
+from assetbuild.source.mjcf.opaque import body_element, keys, leftover
 from assetbuild.source.mjcf.sections import ORDER, read_sections
 from assetbuild.source.mjcf.shapes import read_geoms
 from assetbuild.source.mjcf.text import AT, WORLD, Element, error_at, parts

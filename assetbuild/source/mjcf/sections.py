@@ -9,6 +9,7 @@ from typing import Literal
 
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.loops import FAR
+from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.model import (
     Control,
     Keyframe,
@@ -26,7 +27,7 @@ from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, ORIGIN, Links
-from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
+from assetbuild.source.mjcf.opaque import element_text, keys, leftover
 from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, own_attributes, where_of
 
 NOT_READ = ("visual", "statistic", "size", "custom", "extension", "deformable", "skin")

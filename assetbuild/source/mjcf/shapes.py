@@ -9,6 +9,7 @@ from typing import Any
 
 from assetbuild.errors import quoted
 from assetbuild.findings import Rule, Severity
+from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.robot.shapes import (
@@ -25,7 +26,7 @@ from assetbuild.robot.shapes import (
 from assetbuild.simulators.mujoco import Model
 from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.links import Links
-from assetbuild.source.mjcf.opaque import body_element, keys, leftover, words
+from assetbuild.source.mjcf.opaque import body_element, keys, leftover
 from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, parts, where_of
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)

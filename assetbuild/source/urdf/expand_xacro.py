@@ -198,8 +198,8 @@ class ExpandXacro(Step):
         if "unknown macro name" in message and re.search(rf"macro\s+name=[\"']{macro}[\"']", text):
             return "it is defined below its first use: xacro reads from top to bottom; move it up"
         if "Undefined substitution argument" in message:
-            known = {*self.args, *_DECLARED.findall(text), *message.split()}
-            others = [name for name in dict.fromkeys(_USED.findall(text)) if name not in known]
+            given = {*self.args, *_DECLARED.findall(text), *message.split()}
+            others = [name for name in dict.fromkeys(_USED.findall(text)) if name not in given]
             return f"{GIVE}{f'; it also needs {quoted(others, 20)}' if others else ''}"
         return ""
 
