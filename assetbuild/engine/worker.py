@@ -62,7 +62,6 @@ def _serve(config: dict[str, Any], door: socket.socket) -> NoReturn:  # Any: JSO
     for module in config["preload"]:
         with suppress(ImportError):  # the step that needs it will say so itself
             importlib.import_module(module)
-    gc.collect()
     gc.freeze()
     Zygote(config, door, fresh=_threads_survive_fork()).serve()
 
@@ -81,16 +80,22 @@ def _redirect(log: str) -> None:
 def _threads_survive_fork() -> bool:
     """Did an import start threads that are not laid down for a fork? Then forks may lock up.
 
-    OpenBLAS ends its threads before a fork, so one fork is made before counting.
+    OpenBLAS ends its threads before a fork, so one fork is made before they count.
     """
-    pid = os.fork()
-    if pid == 0:
-        os._exit(0)
-    os.waitpid(pid, 0)
+    if _threads() > 1:
+        pid = os.fork()
+        if pid == 0:
+            os._exit(0)
+        os.waitpid(pid, 0)
+    return _threads() > 1
+
+
+def _threads() -> int:
+    """Threads of this process; 1 where the system does not say."""
     try:
-        return len(os.listdir("/proc/self/task")) > 1  # noqa: PTH208 - names are enough
+        return len(os.listdir("/proc/self/task"))  # noqa: PTH208 - names are enough
     except OSError:
-        return False
+        return 1
 
 
 @dataclass
