@@ -193,7 +193,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     if source.bodies:
         why = f"or {some(source.bodies[1:])}: one recipe builds one robot"
         draft.put(source.bodies[0], "source", "body", beside=why)
-    draft.note(*_taken(source), at=("taken",))
+    draft.note(*_taken(source, len(anatomy.legs)), at=("taken",))
     _put_solver(draft, source, anatomy, hand)
     put_repairs(draft, robot, repairs(robot, usd=not (lost or springs)))
     _put_merging(draft, source)
@@ -271,11 +271,12 @@ def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequen
         draft.put(1e-12, "mjcf", "tolerance", beside=why)
 
 
-def _taken(source: MjcfSource) -> Iterator[str]:
-    """What the source says and the recipe therefore does not."""
+def _taken(source: MjcfSource, legs: int) -> Iterator[str]:
+    """What the source says and the recipe therefore does not. legs: on which it could walk."""
     control, tree = source.control, source.robot.tree
+    freed = f"   # to let it walk on its {legs} legs, write `floating`" if legs else ""
     yield "What the MJCF says and this file does not repeat; a key here would win:"
-    yield f"base: {tree.base}"
+    yield f"base: {tree.base}{freed if tree.base == 'fixed' else ''}"
     yield f"simulation: {{timestep: {control.simulation.timestep:g}}}   # s"
     yield f"collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:

@@ -307,6 +307,10 @@ def _reasons(kind: str, name: str, quantity: str, facts: Facts) -> Iterator[str]
         kind == "joint" and Key(kind, name, "type") not in facts
     ):
         yield "base"
+    if kind in ("camera", "frame") and quantity in ("body", "pose"):
+        body = facts.get(Key(kind, name, "body"))
+        if not body or not facts.get(Key("body", str(body), "parent")):
+            yield "base"  # what stands in the world stands on a fixed root, and not on a free one
     if kind == "pair":
         yield from ("collision", "merge", "contact")
     if kind == "shape" and touches:
