@@ -93,6 +93,7 @@ class PartControl:
             ),
             bodies=tuple(prefix + name for name in self.source_control.bodies * self.part.keeps),
             ctrl=tuple(self._commands()),
+            neighbours=tuple((prefix + a, prefix + b) for a, b in self.source_control.neighbours),
         )
 
     # --- names --------------------------------------------------------------------------------
@@ -214,6 +215,7 @@ def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> So
         bodies=(*first.bodies, *(body for part in parts.values() for body in part.bodies)),
         ctrl=tuple((key, values) for key, values in ctrl.items() if values),
         surfaces=tuple((prefix, part.control.contact) for prefix, part in parts.items()),
+        neighbours=(*first.neighbours, *(n for part in parts.values() for n in part.neighbours)),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TypeVar
@@ -16,6 +16,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.chains import ROWS, angles_of
 from assetbuild.robot.contact import Surface
+from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import move, of_same_effort, parsed, without
 from assetbuild.robot.model import (
@@ -93,7 +94,7 @@ def join(
     joined = replace(
         control,
         actuators=actuators,
-        excludes=tuple(sorted({*control.excludes, *_excludes(source_control, tree)})),
+        excludes=tuple(sorted({*control.excludes, *_carried(source_control.excludes, tree)})),
         contact=contact,
         contacts=contacts,
         simulation=_simulation(control.simulation, source_control.simulation, stated.base),
@@ -101,6 +102,9 @@ def join(
         cameras=_by_name(control.cameras, source_control.cameras),
         mjcf_only=mjcf_only,
     )
+    rule = ContactFilter.of(tree, shapes, joined)
+    apart = {pair for pair in _carried(source.neighbours, tree) if not rule.passes(*pair)}
+    joined = replace(joined, excludes=tuple(sorted({*joined.excludes, *apart})))
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
     findings += wider_excludes(source_control.excludes, tree, shapes)
     return joined, findings
@@ -306,9 +310,9 @@ def _without_stated(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     return without(item, keys)
 
 
-def _excludes(source_control: Control, tree: Tree) -> Iterator[tuple[str, str]]:
+def _carried(pairs: Iterable[tuple[str, str]], tree: Tree) -> Iterator[tuple[str, str]]:
     """The source's pairs, between the bodies that their links became part of."""
-    for pair in source_control.excludes:
+    for pair in pairs:
         a, b = sorted(tree.placement(link)[0] for link in pair)
         if a != b:
             yield a, b

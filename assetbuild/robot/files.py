@@ -27,12 +27,15 @@ class SourceControl:
         zero pose, of actuators that drive no joint.
     surfaces: of a composite, by the prefix of each part, the surface that most of its shapes
         have; `control.contact` is the base's.
+    neighbours: links on the two sides of a joint, or of several, that MuJoCo lets pass in the
+        source; an edit of the links between them, or of the base, does not change that.
     """
 
     control: Control = field(default_factory=Control)
     bodies: tuple[str, ...] = ()
     ctrl: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
     surfaces: tuple[tuple[str, Contact], ...] = ()
+    neighbours: tuple[tuple[str, str], ...] = ()
 
 
 def _stored(kind: type[T], name: str) -> cached_property[T]:

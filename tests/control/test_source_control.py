@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
 from robot_files import run_step, write_robot_ports
-from tiny import pendulum, tiny_quadruped, with_drives
+from tiny import box_inertial, pendulum, tiny_quadruped, with_drives
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
@@ -138,6 +138,31 @@ def test_a_shape_and_a_light_stay_where_they_are_when_their_body_is_merged(tmp_p
         egg, lamp = data.geom("egg"), data.light("lamp")
         places.append(np.concatenate([egg.xpos, egg.xmat, lamp.xpos, lamp.xdir]))
     np.testing.assert_allclose(places[1], places[0], atol=1e-12)
+
+
+TWO_HINGES = """<mujoco><option>{}</option><worldbody><body name="a" pos="0 0 1"><freejoint/>
+  <geom size=".1"/><body name="b" pos="0 0 .1"><joint name="x" axis="1 0 0"/>
+  <joint name="y" axis="0 1 0"/><geom size=".1"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("flag", "contacts"), [("", 0), ('<flag filterparent="disable"/>', 1)])
+def test_a_mass_between_two_joints_lets_nothing_touch_that_passed(
+    flag: str, contacts: int, tmp_path: Path
+):
+    text = TWO_HINGES.format(flag)
+    reading = read(text, tmp_path / "read")
+    bodies = [
+        replace(body, inertial=box_inertial(0.1, (0.1, 0.1, 0.1))) if body.name == "b_x" else body
+        for body in reading.links.bodies
+    ]
+    heavy = replace(reading.links, bodies=tuple(bodies))
+    (reading.read / "links.json").write_bytes(encode(heavy))
+    here = mujoco.MjModel.from_xml_path(str(write(reading, tmp_path / "out").xml))
+    assert here.nbody == 4, "the link between the joints is a body of its own"
+    for model in (mujoco.MjModel.from_xml_string(text), here):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        assert data.ncon == contacts
 
 
 def test_surfaces_of_shapes_made_anew_are_told(tmp_path: Path):
