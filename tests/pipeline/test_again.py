@@ -77,6 +77,11 @@ def test_each_edited_value_is_named(bundle: Path):
         assert values in (None, (data.get("expected"), data.get("found")))
 
 
+def test_another_name_of_a_model_is_named(bundle: Path):
+    edit(bundle / "mjcf/scene.xml", '<mujoco model="', '<mujoco model="my ')
+    assert [finding.rule for finding in proved(bundle)] == ["equal.mjcf.model"]
+
+
 def test_a_comment_is_information(bundle: Path):
     edit(bundle / "urdf/legs.urdf", "</robot>", "<!-- mine --></robot>")
     (found,) = proved(bundle)

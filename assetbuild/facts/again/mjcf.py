@@ -72,8 +72,8 @@ def _model_rows(again: Model, there: Model) -> list[Row]:
 
 
 def _fields(model: Model) -> Fields:
-    """All of a model, without the signs of quaternions."""
-    fields = dict(_walk(model, ""))
+    """All of a model and its name, without the signs of quaternions."""
+    fields = dict(_walk(model, ""), name=bytes(model.names).partition(b"\0")[0].decode())
     for field in ("qpos0", "qpos_spring", "key_qpos"):
         rows = np.atleast_2d(fields[field]).copy()
         for kind, start in zip(model.jnt_type, model.jnt_qposadr, strict=True):
