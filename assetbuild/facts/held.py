@@ -290,7 +290,7 @@ def newton_table(held: Held) -> Table:
 class NoMeshes(Meshes):
     """Nothing in place of each mesh, which nobody compares."""
 
-    def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
+    def of(self, _: int) -> Surface:
         """A surface without triangles."""
         return Surface(0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 6)
 

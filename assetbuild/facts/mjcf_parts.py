@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import math
 from collections.abc import Iterable
@@ -26,10 +25,22 @@ class Meshes:
 
     def __init__(self, model: Model, *, by_area: bool = False) -> None:
         self._model, self._by_area = model, by_area
+        self._surfaces: dict[int, Surface] = {}
+        self._digests: dict[int, str] = {}
 
-    @functools.cache  # noqa: B019 # lives as long as one reading
     def of(self, mesh: int) -> Surface:
         """Corners of all triangles, with texture coordinates where it has them."""
+        if mesh not in self._surfaces:
+            self._surfaces[mesh] = self._measured(mesh)
+        return self._surfaces[mesh]
+
+    def pixels(self, texture: int) -> str:
+        """Digest of size and RGBA pixels."""
+        if texture not in self._digests:
+            self._digests[texture] = self._digest(texture)
+        return self._digests[texture]
+
+    def _measured(self, mesh: int) -> Surface:
         model = self._model
         first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
         faces = slice(first, first + count)
@@ -45,9 +56,7 @@ class Meshes:
         uv = None if uv is None else uv[whole]
         return measure(corners[whole], uv, by_area=self._by_area)
 
-    @functools.cache  # noqa: B019 # as above
-    def pixels(self, texture: int) -> str:
-        """Digest of size and RGBA pixels."""
+    def _digest(self, texture: int) -> str:
         model = self._model
         height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
         channels, start = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
