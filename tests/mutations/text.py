@@ -17,7 +17,7 @@ import yaml
 from tests.mutations.change import WORDS, Mutation, numbers_in, other_text, vector_changes
 
 NUMBER = r"(?<![\w.#])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w./])"
-PATH = r"(?:(?<== )|(?<=@)|(?=[^>\n]*>,))</[\w/.:]+>"
+PATH = r"(?:(?<== )|(?<=@)|(?=</[^>\n]*>,))</[\w/.:]+>"
 BARE = rf'\b(?:{"|".join(word for row in WORDS for word in row)})\b(?= [\w"])'
 WORD = r"\b(?:[Tt]rue|[Ff]alse|None|null)\b"
 VALUE = rf'"[^"\n]*"|@[^@\n]*@|{PATH}|\d+(?:/\d*)+|{NUMBER}|{WORD}'
@@ -93,15 +93,16 @@ def walk(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
     """All mutations of one file; of a mesh those of some lines of each keyword."""
     text = COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text_of(path))
     rows = list(re.finditer(r"[^\n]*\n?", text))[:-1]
+    line_of = {row.start(): number for number, row in enumerate(rows, 1)}
     if path.suffix in (".obj", ".mtl"):
         rows = _drawn(rows, random_)
     texts: dict[str, list[str]] = {}
     for row in rows:
         for run in RUN.finditer(text, row.start(), row.end()):
-            found = [v[1] for v in re.finditer(r'"([^"]*)"', run[0])]
-            texts.setdefault(_label(row, run.start()), []).extend(found)
+            if found := [v[1] for v in re.finditer(r'"([^"]*)"', run[0])]:
+                texts.setdefault(_label(row, run.start()), []).extend(found)
     for number, row in enumerate(rows):
-        where = f"line {text.count(chr(10), 0, row.start()) + 1}"
+        where = f"line {line_of[row.start()]}"
         runs = list(RUN.finditer(text, row.start(), row.end()))
         for run in random_.sample(runs, min(DRAWN, len(runs))) if len(runs) > 20 else runs:
             label = _label(row, run.start())
