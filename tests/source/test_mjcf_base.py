@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from mjcfs import read, same_motion, write
 
-SOURCE = """<mujoco><default><joint limited="true"/></default><worldbody>
+UP = '<joint name="up" type="slide" axis="0 0 1" limited="false" ref="1.5"/>'
+SOURCE = f"""<mujoco><default><joint limited="true"/></default><worldbody>
   <body name="base" pos=".1 .2 1.5">
     <joint type="slide" axis="1 0 0" limited="false" ref=".1"/>
     <joint type="slide" axis="0 1 0" limited="false" ref=".2"/>
-    <joint name="up" type="slide" axis="0 0 1" limited="false" ref="1.5"/>
+    {UP}
     <joint type="ball" limited="false"/>
     <geom size=".1 .2 .3" type="box"/>
     <body name="arm" pos="0 0 .3"><joint name="a" axis="0 1 0" limited="false" damping=".1"/>
@@ -37,6 +38,7 @@ def test_slides_and_a_ball_move_as_the_free_joint_that_is_read(tmp_path: Path):
         ('"ball" limited="false"', '"ball" limited="true" range="0 1"'),
         ('"ball" limited="false"', '"ball" limited="false" pos="0 0 .1"'),
         ('pos=".1 .2 1.5"', 'pos=".1 .2 1.5" euler="0 0 90"'),
+        (UP, f'<frame euler="90 0 0">{UP}</frame>'),
         ("<keyframe>", '<sensor><jointpos joint="up"/></sensor><keyframe>'),
     ],
 )

@@ -136,12 +136,12 @@ def _without_sensors_of_plugins(root: Element) -> Iterator[Finding]:
 
 def write_free_joints(root: Element) -> Iterator[Finding]:
     """Write a free joint for three slides and a ball joint between the world and a body."""
-    classes = Classes(root)
-    named = {v for part in SECTIONS for e in root.iterfind(f"{part}//*") for v in e.attrib.values()}
+    classes, sections = Classes(root), (*SECTIONS, "custom")
+    named = {v for part in sections for e in root.iterfind(f"{part}//*") for v in e.attrib.values()}
     for body in world_of(root).iterchildren("body"):
-        joints = list(body.iterchildren("joint"))
-        names = {joint.get("name") for joint in joints}
-        if not named & names and _moves_freely(body, [classes.attributes(one) for one in joints]):
+        joints = list(parts(body, *JOINTS))
+        is_named = any(joint.get("name") in named for joint in joints)
+        if not is_named and _moves_freely(body, [classes.attributes(one) for one in joints]):
             message = f"three slides and a ball joint were read as one ({where_of(joints[0])})"
             yield FREE_BASE(f"link {body.get('name', 'body')}", message)
             joints[0].tag = "freejoint"
@@ -157,6 +157,8 @@ def _moves_freely(body: Element, joints: Sequence[Mapping[str, str]]) -> bool:
     Each slide counts from the world's origin, as the position of a free joint does.
     joints: all attributes of the joints of a body in the world.
     """
+    if body.find("frame//joint") is not None:  # a frame may turn it
+        return False
     if [joint.get("type") for joint in joints] != ["slide", "slide", "slide", "ball"]:
         return False
     for joint in joints:
