@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TypeVar
-from xml.etree import ElementTree
 
 from assetbuild.control.only_mjcf import commands_of, explain_gears, explain_opaque, wider_excludes
 from assetbuild.control.senses import changed
@@ -18,7 +17,7 @@ from assetbuild.robot.chains import ROWS, angles_of
 from assetbuild.robot.contact import Surface
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import SourceControl
-from assetbuild.robot.mjcf_only import move, of_same_effort, parsed, without
+from assetbuild.robot.mjcf_only import moved, of_same_effort, parsed, without
 from assetbuild.robot.model import (
     Actuator,
     Camera,
@@ -271,8 +270,8 @@ def _kept(
             hint = "state damping, friction and armature of the new joints in `actuators`"
             where = f"joint {item.owner}"
             findings.append(dropped("joint", where, message + item.element, hint, "warning"))
-        elif (moved := _on_its_body(item, tree)) is not item:
-            yield moved
+        elif (on_body := _on_its_body(item, tree)) is not item:
+            yield on_body
         elif not _lost_bodies(item, tree, findings):
             yield item
         elif item.place == "camera":
@@ -320,12 +319,10 @@ def _carried(pairs: Iterable[tuple[str, str]], tree: Tree) -> Iterator[tuple[str
 
 def _on_its_body(item: MjcfOnly, tree: Tree) -> MjcfOnly:
     """A shape or light of a link that was merged, on the body that the link became part of."""
-    element = parsed(item)
     frame = next((frame for frame in tree.frames if frame.name == item.owner), None)
-    if item.place != "body" or "pos" not in element.attrib or frame is None:
+    if item.place != "body" or not _attribute(item, "pos") or frame is None:
         return item
-    move(element, frame.X_body_frame)
-    return replace(item, element=ElementTree.tostring(element, "unicode"), owner=frame.body)
+    return moved(item, frame.body, frame.X_body_frame)
 
 
 def _lost_bodies(thing: Sensor | MjcfOnly, tree: Tree, findings: list[Finding]) -> list[str]:

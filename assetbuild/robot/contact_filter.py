@@ -14,7 +14,7 @@ from itertools import combinations
 
 from assetbuild.robot.chains import joint_rows
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.shapes import Shapes, SourceShapes
 
 WORLD = ""
 """The group of all bodies that fixed joints hold to a fixed base."""
@@ -33,7 +33,7 @@ class ContactFilter:
     filters_parents: bool
 
     @classmethod
-    def of(cls, tree: Tree, shapes: Shapes, control: Control) -> ContactFilter:
+    def of(cls, tree: Tree, shapes: Shapes | SourceShapes, control: Control) -> ContactFilter:
         """Rows of joints with massless links between them are joints of one body in MJCF."""
         rows = joint_rows(tree, {shape.link for shape in shapes.shapes})
         group, carrier = {tree.root: WORLD if tree.base == "fixed" else tree.root}, {}
@@ -66,7 +66,9 @@ class ContactFilter:
         return self.carrier.get(one) == other or self.carrier.get(other) == one
 
 
-def passing_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
+def passing_pairs(
+    tree: Tree, shapes: Shapes | SourceShapes, control: Control
+) -> Iterator[tuple[str, str]]:
     """Pairs of bodies with collision shapes that MuJoCo lets pass, each sorted by name."""
     rule = ContactFilter.of(tree, shapes, control)
     solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}

@@ -27,8 +27,8 @@ class SourceControl:
         zero pose, of actuators that drive no joint.
     surfaces: of a composite, by the prefix of each part, the surface that most of its shapes
         have; `control.contact` is the base's.
-    neighbours: links on the two sides of a joint, or of several, that MuJoCo lets pass in the
-        source; an edit of the links between them, or of the base, does not change that.
+    neighbours: pairs of links that MuJoCo lets pass in the source without an exclude; an edit of
+        the links between them does not change that.
     """
 
     control: Control = field(default_factory=Control)

@@ -44,6 +44,13 @@ def move(element: Element, X: Pose) -> None:
         element.set("dir", words(X.rotation @ direction))
 
 
+def moved(item: MjcfOnly, body: str, X_body_owner: Pose) -> MjcfOnly:
+    """The item on another body."""
+    element = parsed(item)
+    move(element, X_body_owner)
+    return replace(item, element=ElementTree.tostring(element, "unicode"), owner=body)
+
+
 def _numbers(element: Element, key: str) -> list[float]:
     return [float(word) for word in element.get(key, "").split()]
 

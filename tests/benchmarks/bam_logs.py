@@ -26,7 +26,7 @@ from tests.benchmarks import assetbuild
 
 GAIN, FITTED = 400, ("sin_sin", "sin_time_square", "up_and_down")
 STALL_N_M, NO_LOAD_RAD_S, RATED_V = 0.52, 10.8, 5.0
-"""Of the XL330-M288's data sheet."""
+"""From the data sheet of the XL330-M288."""
 DUTY_PER_RAD = 4096 / (2 * np.pi) / (256 * 885)
 """Duty for a radian at a firmware gain of 1: counts of the encoder, and the firmware's divisors."""
 

@@ -192,7 +192,7 @@ def _solid(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _geom(model: mujoco.MjModel, i: int) -> dict:
-    """As the gold table has it."""
+    """Return the attributes of a geom that the gold table lists."""
     geom = model.geom(i)
     kind = mujoco.mjtGeom(int(geom.type[0])).name.removeprefix("mjGEOM_").lower()
     said = {"body": model.body(geom.bodyid[0]).name, "type": kind}

@@ -102,7 +102,7 @@ def measured(name: str) -> Row:
 
 
 def _cpu_s() -> float:
-    """Of all processes that were started and ended."""
+    """Return the CPU seconds of all processes that were started and ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

@@ -80,7 +80,7 @@ def row(bundle: Path) -> str:
 
 
 def grade(card: str) -> str:
-    """Of the model card."""
+    """Return the grade that the model card states."""
     found = re.search(r"from the evidence of this build: (\S+)", card)
     return found[1] if found else "-"
 

@@ -179,7 +179,7 @@ class Pair:
                 self.other.act[there : there + width] = self.one.act[at : at + width]
 
     def positions(self) -> Iterator[tuple[Numbers, Numbers]]:
-        """Of each joint: the source's positions, counted from its rest, and the result's."""
+        """Yield each joint's position in the source, counted from its rest, and in the result."""
         for a, b in self.joints:
             at, there = self.source.jnt_qposadr[a], self.result.jnt_qposadr[b]
             width = WIDTHS[int(self.source.jnt_type[a])]
@@ -187,7 +187,7 @@ class Pair:
             yield own, self.other.qpos[there : there + width]
 
     def speeds(self) -> Iterator[tuple[Numbers, Numbers]]:
-        """Of each joint: the source's speeds and the result's."""
+        """Yield each joint's speed in the source and in the result."""
         for a, b in self.joints:
             at, there = self.source.jnt_dofadr[a], self.result.jnt_dofadr[b]
             width = SPEEDS[int(self.source.jnt_type[a])]

@@ -51,7 +51,7 @@ class Place:
 
     @property
     def urdf(self) -> Path:
-        """Of the four legs."""
+        """The URDF of the robot with four legs."""
         return self.robot / "four_legs.urdf"
 
     @property

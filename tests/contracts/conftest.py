@@ -16,7 +16,7 @@ from docs.site.pages.rules import package_modules
 PACKAGE = Path(assetbuild.__file__).parent
 READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
 OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
-"""Of the tiny robots' formats."""
+"""Sections of the recipe that the readers of the tiny robots need."""
 
 
 def step_classes() -> list[type[Step]]:

@@ -129,7 +129,7 @@ CASES = [case if case in AT_ONCE else pytest.param(case, marks=pytest.mark.slow)
 
 @pytest.fixture(scope="module")
 def references(tmp_path_factory: pytest.TempPathFactory) -> list[Reference]:
-    """Of those robots, which have everything between them."""
+    """References of the odd robots; one or another of them has each fact."""
     folder = tmp_path_factory.mktemp("odd")
     return [
         Reference.of_ports(write_robot_ports(folder / case, robot), OPTIONS)

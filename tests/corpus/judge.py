@@ -145,7 +145,7 @@ def upright(model: Any, state: Any) -> None:  # Any: mujoco has no types
 
 
 def poses(model: Any, state: Any) -> Poses:  # Any: mujoco has no types
-    """Of bodies and of sites, which are what becomes of merged links."""
+    """Return the poses of bodies and of sites, which merged links become."""
     found: Poses = {}
     for count, named, xpos, xmat in (
         (model.nsite, model.site, state.site_xpos, state.site_xmat),
@@ -227,7 +227,7 @@ def in_mujoco(source: Path, built: Path, *, edited: bool) -> str:
 
 
 def named_body(model: Any, index: int) -> str:  # Any: mujoco has no types
-    """Of a body, or of the nearest one above it that has a name."""
+    """Return the name of a body, or of the nearest one above it that has a name."""
     while index and not model.body(index).name:
         index = int(model.body_parentid[index])
     return str(model.body(index).name) if index else ""

@@ -26,7 +26,7 @@ from tests.corpus.xacros import XacroError, expanded, packages_in
 SECONDS = 300
 """For `init` and `build` together."""
 MEMORY_BYTES = 8 << 30
-"""Of data, for each process that they start."""
+"""Limit of data memory for each process that they start."""
 
 
 def one(
@@ -109,7 +109,7 @@ def with_hulls(recipe: Path) -> None:
 
 
 def stopped(done: subprocess.CompletedProcess[str], verb: str, root: Path) -> dict[str, object]:
-    """Of a run without a bundle: refused with one error (exit code 2), or failed."""
+    """Return the outcome of a run without a bundle: refused (exit code 2), or failed."""
     note = error_of(done.stderr + done.stdout).replace(str(root), "")
     if "Traceback" in done.stderr:
         return {"result": "failed", "cause": f"{verb}: traceback", "note": last(done.stderr)}

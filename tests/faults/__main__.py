@@ -37,7 +37,7 @@ actuators:
 targets: [mjcf]
 """
 MASSES = (6, 7)
-"""Of the trunk, kg: each is a robot of its own with a gold manifest."""
+"""Masses of the trunk, kg: each makes another robot with its own gold manifest."""
 
 
 @dataclass

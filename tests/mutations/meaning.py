@@ -19,7 +19,7 @@ from tests.mutations.text import load
 
 Meaning = Any  # compared with == by `differ`, or None where the library refuses the file
 UNNAMED = {"signature", "narena", "nbuffer", "paths", "names_map", "path_meshadr", "npaths"}
-"""Of a compiled model: where it came from, and how much memory it takes."""
+"""Fields of a compiled model that state where it came from and how much memory it takes."""
 DEFAULTS = {
     ("origin", "xyz"): (0.0, 0.0, 0.0), ("origin", "rpy"): (0.0, 0.0, 0.0),
     ("axis", "xyz"): (1.0, 0.0, 0.0), ("mesh", "scale"): (1.0, 1.0, 1.0),

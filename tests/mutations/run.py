@@ -92,7 +92,7 @@ def try_all(bundle: Path, chosen: Sequence[Mutation], processes: int) -> Iterato
 
 
 _BENCH: list[Bench] = []
-"""Of this process of the pool."""
+"""The bench of this process of the pool."""
 
 
 def _start(bundle: Path, folder: Path) -> None:

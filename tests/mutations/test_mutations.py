@@ -93,7 +93,7 @@ def test_every_file_of_every_format_has_mutations(legs: Path):
 
 
 def test_a_mutation_changes_one_place_of_one_file(copy: Path):
-    """Of all attributes of the file exactly one; of all other files not a byte."""
+    """Exactly one attribute of the file changes, and no byte of any other file."""
     before = {file: (copy / file).read_bytes() for file in files_of(copy)}
     drawn = [one for one in sample(copy, ("mjcf", "urdf"), 0, 400) if one.what in KEPT]
     for one in drawn[:40]:

@@ -55,7 +55,7 @@ def lost(done: Written) -> set[str]:
 
 
 def command(model: mujoco.MjModel, position: float) -> float:
-    """Of the only drive, for a position of the leading joint, from the compiled numbers alone."""
+    """The only drive's command at a position of the leading joint, from compiled numbers."""
     gain, bias = float(model.actuator_gainprm[0, 0]), model.actuator_biasprm[0]
     data = mujoco.MjData(model)
     length = data.actuator_length

@@ -133,7 +133,7 @@ def _read_by_people(bundle: Path) -> list[str]:
 
 
 def _bytes(bundle: Path, name: str) -> list[bytes]:
-    """Of a file, or of all layers of a USD."""
+    """Return the bytes of a file, or of all layers of a USD."""
     path = bundle / name
     layers = sorted(path.parent.rglob("*.usd*")) if name.startswith("usd/") else [path]
     return [layer.read_bytes() for layer in layers if layer.exists()]

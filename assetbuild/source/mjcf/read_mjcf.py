@@ -6,20 +6,19 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
+from assetbuild.robot.contact_filter import passing_pairs
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.model import Base, Camera, Contact, MjcfOnly, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import depth_first
-from assetbuild.simulators.mujoco import mj
 from assetbuild.source.mjcf.compiled import compile_source, pose_at
 from assetbuild.source.mjcf.drives import Drives, read_drives
 from assetbuild.source.mjcf.links import BALL, FREE, Links, read_links
@@ -71,14 +70,14 @@ class ReadMjcf(Step):
             mjcf_only=(*links.mjcf_only, *drives.mjcf_only),
         )
         shapes = SourceShapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
+        tree = _tree(root.get("model") or "robot", links, drives)
         source = SourceControl(
             control,
             tuple(links.kept),
             _commands(drives, links),
-            neighbours=tuple(_neighbours(compiled.model)),
+            neighbours=tuple(passing_pairs(tree, shapes, control)),
         )
-        name = root.get("model") or "robot"
-        (files.outputs / "links.json").write_bytes(encode(_tree(name, links, drives)))
+        (files.outputs / "links.json").write_bytes(encode(tree))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         (files.outputs / "source_control.json").write_bytes(encode(source))
         for text in compiled.warnings:
@@ -86,19 +85,6 @@ class ReadMjcf(Step):
             yield SOURCE_WARNING("robot", message, "repair it in the source")
         yield from links.findings
         yield from _order(links, drives)
-
-
-def _neighbours(model: Any) -> Iterator[tuple[str, str]]:  # Any: MjModel
-    """Bodies that touch others, but not each other, because one is carried by the other."""
-    if model.opt.disableflags & mj.mjtDisableBit.mjDSBL_FILTERPARENT:
-        return
-    welded = [int(body) for body in model.body_weldid]
-    carrier = {body: welded[int(model.body_parentid[body])] for body in welded}
-    solid = {int(b) for b in model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) != 0]}
-    for a, b in combinations(sorted(solid), 2):
-        one, other = welded[a], welded[b]
-        if 0 not in (one, other) and (carrier[one] == other or carrier[other] == one):
-            yield str(model.body(a).name), str(model.body(b).name)
 
 
 def _source(folder: Path) -> Element:
