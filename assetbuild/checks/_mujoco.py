@@ -5,7 +5,7 @@ What MuJoCo alone is asked has files of its own: `stand`, `trials`, `full_effort
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -14,6 +14,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.policy.counting import known_joints, order_findings, read_contract
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.mjcf_only import carried_weight
+from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.free_fall import FreeFallCheck
 from assetbuild.simulators.gripping import GripCheck
@@ -63,6 +65,10 @@ class FreeFall(FreeFallCheck, MujocoCheck):
     own_name = "free_fall"
     wrong: ClassVar[Rule] = WRONG_DROP
     rounding: ClassVar[float] = 1e-9
+
+    def carried(self, control: Control) -> Mapping[str, float]:
+        """Any share that is stated."""
+        return carried_weight(control.mjcf_only)
 
 
 class PolicyOrders(mujoco.InMujoco):

@@ -20,7 +20,8 @@ from assetbuild.findings import Finding, Rule, known
 from assetbuild.plugin_types import write_figures
 from assetbuild.policy.counting import OrdersCheck
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Tree
+from assetbuild.robot.mjcf_only import whole_gravity
+from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Outcome, load, standing
 from assetbuild.simulators.free_fall import FreeFallCheck
@@ -67,6 +68,10 @@ class PhysxFreeFall(FreeFallCheck, PhysxCheck):
 
     iterations: int = 8
     """Position iterations of the solver, as the USD target writes them."""
+
+    def carried(self, control: Control) -> Mapping[str, float]:
+        """All of it or nothing."""
+        return dict.fromkeys(whole_gravity(control.mjcf_only), 1.0)
 
 
 class PhysxOrders(OrdersCheck, PhysxCheck):

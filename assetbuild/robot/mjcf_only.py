@@ -185,14 +185,17 @@ def whole_gravity(items: Iterable[MjcfOnly]) -> frozenset[str]:
 
     None where a joint's drive makes that force itself (`actuatorgravcomp`).
     """
-    whole = set()
+    items = tuple(items)
     for item in items:
         if item.place == "joint" and 'actuatorgravcomp="true"' in item.element:
             return frozenset()
-        is_body = item.place == "body" and item.element.startswith("<body")
-        if is_body and float(parsed(item).get("gravcomp", "0")) == 1.0:
-            whole.add(item.owner)
-    return frozenset(whole)
+    return frozenset(body for body, share in carried_weight(items).items() if share == 1.0)
+
+
+def carried_weight(items: Iterable[MjcfOnly]) -> dict[str, float]:
+    """Body -> share of its weight that MuJoCo compensates (`gravcomp`)."""
+    bodies = (i for i in items if i.place == "body" and i.element.startswith("<body"))
+    return {item.owner: float(parsed(item).get("gravcomp", "0")) for item in bodies}
 
 
 def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:

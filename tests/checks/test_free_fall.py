@@ -15,7 +15,8 @@ from tiny import TinyRobot, pendulum, tiny_quadruped
 from assetbuild.checks._mujoco import FreeFall
 from assetbuild.checks._physx import PhysxFreeFall
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Simulation
+from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.model import MjcfOnly, Simulation
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -55,6 +56,21 @@ def test_neither_air_nor_integrator_change_the_fall(tmp_path: Path, option: str)
     file.write_text(text.replace("<option ", f"<option {option} ", 1))
     assert option in file.read_text()
     assert run_step(FreeFall(robot="robot"), inputs, tmp_path / "out") == []
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_weight_that_the_source_compensates_does_not_pull(
+    tmp_path: Path, check: type[FreeFall | PhysxFreeFall]
+) -> None:
+    robot = tiny_quadruped()
+    only = (MjcfOnly("body", '<body gravcomp="1"/>', "trunk"),)
+    inputs = built(replace(robot, control=replace(robot.control, mjcf_only=only)), tmp_path, check)
+    assert run_step(check(robot="robot"), inputs, tmp_path) == []
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    (carried,) = (b.inertial.mass_kg for b in robot.tree.bodies if b.name == "trunk" and b.inertial)
+    share = 1.0 - carried / total_mass(robot.tree)
+    extra = 0.005 if check is FreeFall else 0.005 / 8
+    assert figures["drop_m"] == pytest.approx(share * 9.81 / 2 * 0.4 * (0.4 + extra), rel=1e-3)
 
 
 WELDED = {

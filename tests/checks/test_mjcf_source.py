@@ -182,6 +182,9 @@ CART = """<mujoco><worldbody>
     <body name="chassis" pos="0 0 .1"><geom size=".2"/></body>
     <body name="mast"><joint name="lift" type="slide"/><geom size=".1"/></body></body>
 </worldbody></mujoco>"""
+LOCKED = """<mujoco><worldbody><body><geom size=".1"/><body pos="0 0 .2">
+  <joint name="turn" ref=".3" axis="0 1 0"/><geom size=".05"/></body></body></worldbody>
+  <equality><joint joint1="turn" polycoef=".1 0 0 0 0"/></equality></mujoco>"""
 FACES = TET.split("f ")
 PAINTED = FACES[0] + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face in FACES[1:])
 """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
@@ -206,6 +209,7 @@ SAME = {
     "a geom that states the grey of MuJoCo": (GREY, TET),
     "no gravity by a flag": (WEIGHTLESS, TET),
     "what brakes a free joint": (BUOY, TET),
+    "a joint that an equality locks beside its `ref`": (LOCKED, TET),
     "three joints of a base that weighs by its fixed bodies alone": (CART, TET),
 }
 

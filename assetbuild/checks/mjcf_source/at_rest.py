@@ -141,15 +141,25 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
 
 
 def _count_from_rest(side: Side) -> None:
-    """Positions count from `ref`, and so do the commands of drives that hold positions."""
+    """Positions count from `ref`, and so do the commands of drives that hold positions.
+
+    A position at which an equality locks a joint counts from there already.
+    """
+    ends = ("lower", "upper")
+    locked = {
+        key
+        for key, value in side.facts.items()
+        if key.quantity in ends
+        and all(value == side.facts.get(key._replace(quantity=end)) for end in ends)
+    }
     for key, value in list(side.facts.items()):
         joint = key.name.rpartition("/")[2]
         rest = side.rest.get(joint, 0.0)
         if key.quantity in ("command range", "target"):
             rest = side.servos[joint].command_step(rest) if joint in side.servos else 0.0
-        elif key.quantity not in ("lower", "upper", "spring reference", "position"):
+        elif key in locked or key.quantity not in (*ends, "spring reference", "position"):
             continue
         if rest and value is not None:
-            ends = value if isinstance(value, tuple) else (value,)
-            moved = tuple(float(end) - rest for end in ends)
+            values = value if isinstance(value, tuple) else (value,)
+            moved = tuple(float(each) - rest for each in values)
             side.facts[key] = moved if isinstance(value, tuple) else moved[0]
