@@ -195,13 +195,18 @@ def common_folder(
 
     start: where relative names begin, if not at the URDF's folder.
     """
-    relative = [
-        Path(os.path.normpath((start or file.parent) / uri)).parent
-        for uri, _ in uses
-        if ":" not in uri and not uri.startswith("/")
-    ]
-    begin = [start] if start else []
-    return Path(os.path.commonpath([file.parent, *folders, *relative, *begin]))
+    begin = start or file.parent
+    names = [uri for uri, _ in uses if ":" not in uri and not uri.startswith("/")]
+    highest = [_highest(begin, PurePosixPath(name)) for name in names]
+    return Path(os.path.commonpath([file.parent, begin, *folders, *highest]))
+
+
+def _highest(folder: Path, name: PurePosixPath) -> Path:
+    """The highest folder on the way: `../../pkg/a.stl` leaves `pkg` and comes back to it."""
+    way = [folder]
+    for part in name.parts:
+        way.append(way[-1].parent if part == ".." else way[-1] / part)
+    return min(way, key=lambda each: len(each.parts))
 
 
 SHORTEST = 2

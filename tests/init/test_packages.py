@@ -97,6 +97,11 @@ FOUND = {
         "robots/urdf/r.urdf", arm("../m/a.obj"), {"robots/m/a.obj": OBJ},
         {"path": "ws/robots", "packages": None},
     ),
+    "a name that leaves the package and comes back": (
+        "ws/arm/urdf/arm.urdf", arm("../../arm/m/a.obj"),
+        {"ws/arm/m/a.obj": OBJ, "ws/arm/package.xml": "<name>arm</name>"},
+        {"path": "ws/ws", "urdf": "arm/urdf/arm.urdf"},
+    ),
     "a name that starts from the package": (
         "arm/urdf/arm.urdf", arm("meshes/a.obj"), {"arm/meshes/a.obj": OBJ},
         {"relative_to": "."},  # of the lowest folder that holds all
