@@ -185,6 +185,8 @@ CART = """<mujoco><worldbody>
 LOCKED = """<mujoco><worldbody><body><geom size=".1"/><body pos="0 0 .2">
   <joint name="turn" ref=".3" axis="0 1 0"/><geom size=".05"/></body></body></worldbody>
   <equality><joint joint1="turn" polycoef=".1 0 0 0 0"/></equality></mujoco>"""
+BOUND = """<mujoco><compiler boundmass=".01" boundinertia=".0001"/><worldbody>
+  <body name="arm" pos="0 0 1"><joint name="turn"/><geom size=".1"/></body></worldbody></mujoco>"""
 FACES = TET.split("f ")
 PAINTED = FACES[0] + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face in FACES[1:])
 """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
@@ -210,6 +212,7 @@ SAME = {
     "no gravity by a flag": (WEIGHTLESS, TET),
     "what brakes a free joint": (BUOY, TET),
     "a joint that an equality locks beside its `ref`": (LOCKED, TET),
+    "the world, to which the compiler would give a least mass": (BOUND, TET),
     "three joints of a base that weighs by its fixed bodies alone": (CART, TET),
 }
 

@@ -96,13 +96,13 @@ class MjcfSource(mujoco.WithMujoco):
         # Without `ctrl` the source says 0; our drives hold the pose of the keyframe.
         silent = [key for key in flat.iterfind("keyframe/key") if not key.get("ctrl")]
         stated |= {f"commands {key.get('name')}" for key in silent}
-        world = flat.find("worldbody")
-        if tree.root != "world" and world is not None:
+        scene = flat.find("worldbody")
+        if tree.root != "world" and scene is not None:
             # Shapes of the world go: rangefinders see them, and the robot lies on them.
             keys = ("geom", "geom1", "geom2", "objname", "refname")
             named = {element.get(key) for element in flat.iter() for key in keys}
-            for geom in [g for g in world.iterfind("geom") if g.get("name") not in named]:
-                world.remove(geom)
+            for geom in [g for g in scene.iterfind("geom") if g.get("name") not in named]:
+                scene.remove(geom)
         folder = files.inputs / "files"
         objects = {str(mesh.get("name")): _objects(mesh, folder) for mesh in flat.iter("mesh")}
         for name in [name for name, count in objects.items() if count > 1]:
@@ -112,7 +112,8 @@ class MjcfSource(mujoco.WithMujoco):
             )
         try:
             with mujoco.caught_warnings():
-                source = read_side(source_spec(flat, folder, tree))
+                world = mujoco.body_names(tree)["world"] if tree.root == "world" else ""
+                source = read_side(source_spec(flat, folder, tree), weightless=world)
                 path = files.inputs / "mjcf" / f"{self.robot}.xml"
                 ours = read_side(mj.MjSpec.from_file(str(path)))
         except ValueError as error:

@@ -86,13 +86,18 @@ class _InRoot(Bodies):
             yield name, combine(some) if some else Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
 
 
-def read_side(spec: Any) -> Side:  # Any: MjSpec
-    """Compile and read; MuJoCo's ValueError where it refuses."""
+def read_side(spec: Any, weightless: str = "") -> Side:  # Any: MjSpec
+    """Compile and read; MuJoCo's ValueError where it refuses.
+
+    weightless: a body that has no mass, though the compiler's `boundmass` gives it some.
+    """
     option, bit = spec.option, int(mj.mjtDisableBit.mjDSBL_GRAVITY)
     if int(option.disableflags) & bit:  # gravity that a flag switches off is none
         option.disableflags = int(option.disableflags) & ~bit
         option.gravity = (0.0, 0.0, 0.0)
     model = spec.compile()
+    if weightless:
+        model.body(weightless).mass = 0.0
     bodies = _InRoot(model)
     table = compiled_facts(model, bodies=bodies, meshes=Meshes(model, by_area=True))
     rest = {
