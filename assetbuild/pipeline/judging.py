@@ -193,7 +193,8 @@ def failures(
     for label, result in results.items():
         if result.error is not None:
             subject = outline.subjects.get(label, "")
-            yield _located(result.error, subject, _where_of(loaded, outline, label))
+            where = _where_of(loaded, outline, label) or _where_named(loaded, result.error.message)
+            yield _located(result.error, subject, where)
 
 
 def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
@@ -210,6 +211,14 @@ def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | Non
             key = ({"fetch": ("source",)} | keys).get(label.removeprefix(f"{prefix} "))
             return part.where(key) if key else None
     return None
+
+
+def _where_named(loaded: LoadedRecipe, message: str) -> Where | None:
+    """The line of the key that a message begins with: `keyframes.home: ...`."""
+    section, *keys = message.partition(":")[0].partition(" ")[0].split(".")
+    if not keys or section not in type(loaded.recipe).model_fields:
+        return None
+    return loaded.where((section, *(int(key) if key.isdigit() else key for key in keys)))
 
 
 def _located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:

@@ -43,7 +43,7 @@ class ContactFilter:
             else:
                 group[joint.child] = joint.child
                 carrier[joint.child] = group[rows[joint.child].parent]
-        switched_off = any("filterparent" in item.element for item in control.mjcf_only)
+        switched_off = any('filterparent="disable"' in item.element for item in control.mjcf_only)
         return cls(group, carrier, not switched_off)
 
     def holds_without(self, root: str, a: str, b: str) -> bool:

@@ -57,6 +57,13 @@ def test_a_missing_mesh_is_named_with_its_line_and_the_bundle_stays(built_legs: 
     assert stamps() == before
 
 
+def test_a_key_that_a_step_refuses_is_named_with_its_line(legs: Place):
+    legs.edit("targets: [urdf]", "mjx: {touching: wing}\ntargets: [mjx]")
+    line = legs.recipe.read_text().splitlines().index("mjx: {touching: wing}") + 1
+    (told,) = errors(legs.run("build", "legs.yaml").stderr)
+    assert told.startswith(f"legs.yaml:{line}:7: mjx.touching: pattern `wing` leaves no"), told
+
+
 def test_a_stale_lock_is_out_of_date(legs: Place):
     legs.edit("path: robot", "pypi: example-robot-data==6.0.0")
     legs.recipe.with_name("legs.lock.yaml").write_text(

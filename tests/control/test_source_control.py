@@ -145,7 +145,10 @@ TWO_HINGES = """<mujoco><option>{}</option><worldbody><body name="a" pos="0 0 1"
   <joint name="y" axis="0 1 0"/><geom size=".1"/></body></body></worldbody></mujoco>"""
 
 
-@pytest.mark.parametrize(("flag", "contacts"), [("", 0), ('<flag filterparent="disable"/>', 1)])
+@pytest.mark.parametrize(
+    ("flag", "contacts"),
+    [("", 0), ('<flag filterparent="enable"/>', 0), ('<flag filterparent="disable"/>', 1)],
+)
 def test_a_mass_between_two_joints_lets_nothing_touch_that_passed(
     flag: str, contacts: int, tmp_path: Path
 ):

@@ -204,7 +204,8 @@ def _no_root(members: Members, root: str) -> SourceError:
         parts = member.path.split("/")[:-1]
         folders |= {"/".join(parts[:n]) for n in range(1, min(len(parts), 6) + 1)}
     hint = did_you_mean(root, folders) if folders else "the archive has no folders"
-    return SourceError(f"archive: no file below the folder `{printable(root)}`", hint=hint)
+    message = f"source.root: the archive has no file below the folder `{printable(root)}`"
+    return SourceError(message, hint=hint)
 
 
 # --- named members of one --------------------------------------------------------------------
