@@ -51,7 +51,7 @@ def check(recipe: Path) -> list[Finding]:
     check_recipes(loaded, *(load_recipe(recipe, variant) for variant in loaded.recipe.variants))
     with opened(loaded) as look:
         done = settle(look.plan, look.session, may_run=_is_light)
-        for error in failures(loaded, done.outline, done.results):
+        for error in failures(loaded, done, look.session):
             raise error
         findings = findings_of(loaded, done)
         locate = locator(loaded, done, look.session)

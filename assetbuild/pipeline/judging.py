@@ -187,13 +187,17 @@ def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> C
 
 
 def failures(
-    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult]
+    loaded: LoadedRecipe, done: Settled[Outline], session: Session
 ) -> Iterator[AssetBuildError]:
     """The errors of the steps, with the name and place of what each worked on."""
-    for label, result in results.items():
+    for label, result in done.results.items():
         if result.error is not None:
-            subject = outline.subjects.get(label, "")
-            where = _where_of(loaded, outline, label) or _where_named(loaded, result.error.message)
+            message, subject = result.error.message, done.outline.subjects.get(label, "")
+            where = (
+                _where_of(loaded, done.outline, label)
+                or _where_named(loaded, message)
+                or _where_in_source(message, locator(loaded, done, session))
+            )
             yield _located(result.error, subject, where)
 
 
@@ -219,6 +223,17 @@ def _where_named(loaded: LoadedRecipe, message: str) -> Where | None:
     if not keys or section not in type(loaded.recipe).model_fields:
         return None
     return loaded.where((section, *(int(key) if key.isdigit() else key for key in keys)))
+
+
+_THING = re.compile(r"(joint|link) (?:`([^`]+)`|([^:]+):)")
+
+
+def _where_in_source(message: str, locate: Callable[[str], str]) -> Where | None:
+    """The line of the joint or link that a message begins with."""
+    thing = _THING.match(message)
+    place = locate(f"{thing[1]} {thing[2] or thing[3]}") if thing else ""
+    file, _, line = place.rpartition(":")
+    return Where(file, int(line)) if file else None
 
 
 def _located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:

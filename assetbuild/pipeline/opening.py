@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -73,8 +73,10 @@ class Opened:
         if done.errors:
             from assetbuild.pipeline.judging import failures  # reports cost time to import
 
-            outline = done.outline if isinstance(done.outline, Outline) else begun(self.loaded)
-            raise next(failures(self.loaded, outline, done.results))
+            known: Settled[Any] = done  # Any: of any plan
+            if not isinstance(known.outline, Outline):
+                known = replace(known, outline=begun(self.loaded))
+            raise next(failures(self.loaded, known, self.session))
         return done
 
     def read(self, done: Settled[Any], ref: Ref) -> bytes:  # Any: of any plan

@@ -64,6 +64,15 @@ def test_a_key_that_a_step_refuses_is_named_with_its_line(legs: Place):
     assert told.startswith(f"legs.yaml:{line}:7: mjx.touching: pattern `wing` leaves no"), told
 
 
+def test_a_joint_that_a_format_does_not_have_is_named_with_its_line(legs: Place):
+    text = legs.urdf.read_text().replace('"LF_foot_fixed" type="fixed"', '"LF_foot" type="floating"')
+    legs.urdf.write_text(text)
+    legs.edit("targets: [urdf]", "targets: [mjcf]")
+    line = text[: text.index('"LF_foot" type')].count("\n") + 1
+    (told,) = errors(legs.run("build", "legs.yaml").stderr)
+    assert told.startswith(f"four_legs.urdf:{line}: joint LF_foot: MJCF allows a floating"), told
+
+
 def test_a_stale_lock_is_out_of_date(legs: Place):
     legs.edit("path: robot", "pypi: example-robot-data==6.0.0")
     legs.recipe.with_name("legs.lock.yaml").write_text(
