@@ -31,6 +31,8 @@ import mujoco
 import numpy as np
 
 STEPS, CLOSE, NUDGE = 200, 1e-6, 1e-14
+OF_JOINTS = (0, 1)
+"""Transmissions `joint` and `jointinparent`, by MuJoCo's number."""
 WIDTHS = {0: 7, 1: 4, 2: 1, 3: 1}
 """Positions of a joint by MuJoCo's number of its type: free, ball, slide, hinge."""
 SPEEDS = {0: 6, 1: 3, 2: 1, 3: 1}
@@ -137,7 +139,7 @@ def _drives(source: Model, result: Model) -> Iterator[tuple[int, int]]:
 
 def _moves(model: Model, drive: int) -> tuple[int, str]:
     kind, target = int(model.actuator_trntype[drive]), int(model.actuator_trnid[drive, 0])
-    return kind, model.joint(target).name if kind == 0 else str(target)
+    return (0, model.joint(target).name) if kind in OF_JOINTS else (kind, str(target))
 
 
 class Pair:
@@ -162,11 +164,13 @@ class Pair:
     def _shift(self, drive: int) -> float:
         """What a command of a drive that holds positions counts from: the `ref` of its joint."""
         source = self.source
-        if int(source.actuator_trntype[drive]) or not int(source.actuator_biastype[drive]):
+        of_joint = int(source.actuator_trntype[drive]) in OF_JOINTS
+        stiffness = float(source.actuator_biasprm[drive, 1])
+        holds = stiffness != 0.0 and stiffness == -float(source.actuator_gainprm[drive, 0])
+        if not (of_joint and holds):  # of other laws our MJCF has another constant force
             return 0.0
-        holds = source.actuator_biasprm[drive, 1] != 0.0
         rest = self.rests.get(int(source.actuator_trnid[drive, 0]), 0.0)
-        return rest * float(source.actuator_gear[drive, 0]) if holds else 0.0
+        return rest * float(source.actuator_gear[drive, 0])
 
     def begin(self) -> None:
         """Give the result the source's state: positions, speeds, activations."""
