@@ -70,7 +70,7 @@ def test_a_joint_that_a_format_does_not_have_is_named_with_its_line(legs: Place)
     )
     legs.urdf.write_text(text)
     legs.edit("targets: [urdf]", "targets: [mjcf]")
-    line = text[: text.index('"LF_foot" type')].count("\n") + 1
+    line = text[: text.index(loose)].count("\n") + 1
     (told,) = errors(legs.run("build", "legs.yaml").stderr)
     assert told.startswith(f"four_legs.urdf:{line}: joint LF_foot: MJCF allows a floating"), told
 
