@@ -65,9 +65,8 @@ def test_a_key_that_a_step_refuses_is_named_with_its_line(legs: Place):
 
 
 def test_a_joint_that_a_format_does_not_have_is_named_with_its_line(legs: Place):
-    text = legs.urdf.read_text().replace(
-        '"LF_foot_fixed" type="fixed"', '"LF_foot" type="floating"'
-    )
+    loose = '"LF_foot" type="floating"'
+    text = legs.urdf.read_text().replace('"LF_foot_fixed" type="fixed"', loose)
     legs.urdf.write_text(text)
     legs.edit("targets: [urdf]", "targets: [mjcf]")
     line = text[: text.index(loose)].count("\n") + 1
