@@ -50,7 +50,7 @@ def put_collision(
     if robot.shapes.of("collision"):
         seen = {shape.link for shape in robot.shapes.of("visual")}
         idle = len(seen - robot.solid_links)
-        why = f"visible links that hit nothing, as in the source: {idle}"
+        why = f"links that are drawn but collide with nothing, as in the source: {idle}"
         why = why if idle else "every link has some"
         origin = "collision"
     close = anatomy.base == "fixed"
@@ -64,8 +64,8 @@ def put_collision(
     _put_rules(draft, robot, anatomy)
     joined = "bodies that a joint connects never collide"
     draft.put(True, "collision", "exclude", "adjacent", beside=joined)
-    why = "Joints close together make one (a hip, a wrist), or drive links side by side"
-    lines = [f"{why}: hulls overlap there."] * bool(pairs)
+    why = "Hulls overlap around joints that act as one (a hip, a wrist), and where links lie side"
+    lines = [f"{why} by side."] * bool(pairs)
     if overlaps:
         lines.append("Hulls of these bodies overlap at home and push the robot over or askew. They")
         lines.append("pass through each other now; another pose of `home` may free them:")

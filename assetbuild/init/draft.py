@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import takewhile
+from itertools import product, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +166,12 @@ def _candidates(group: Sequence[str]) -> Iterable[str]:
     if all(mark and tail for _, mark, tail in tails):  # `(left|right)_wrist_.*`
         yield _either([head + mark for head, mark, _ in tails]) + ".*"
     yield re.escape(_shared(group)) + ".*"
+    rows = [name.split("_") for name in group]
+    if len({*map(len, rows)}) == 1 and len(rows[0]) < 7:  # `arm_.*_shoulder_(pitch|roll)`
+        first, *others = (_either(column) for column in zip(*rows, strict=True))
+        free = ([".*", word] if re.search(r"[(\[]", word) else [word] for word in others)
+        for words in product([".*", first], *free):
+            yield re.sub(r"\.\*(_\.\*)+", ".*", "_".join(words))
 
 
 def _either(names: Sequence[str]) -> str:

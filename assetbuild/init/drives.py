@@ -68,13 +68,12 @@ quadrupeds; what cures them is the inertia of their rotors, which no URDF states
 BRAKE_S = 0.05
 """kd is at least kp times this where no joint creeps: ten steps of 5 ms keep light links calm."""
 GAINS = (
-    "Effort and velocity limits are the source's. kp gives all the effort at an error of "
-    f"{FULL_ERROR['rad']:g} rad ({1e3 * FULL_ERROR['m']:g} mm",
-    f"for slides), keeps the natural frequency at home between {SLOWEST_HZ:g} and "
-    f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g})",
-    f"and the sag below {SAG['rad']:g} rad; damping ratio {DAMPING_RATIO:g} or more. Joints too "
-    "unlike for one kp get a frequency. A",
-    "first guess: put the motor's data here.",
+    "A first guess: replace it by the motors' data. Effort and velocity limits are the source's.",
+    f"kp gives the whole effort at an error of {FULL_ERROR['rad']:g} rad "
+    f"({1e3 * FULL_ERROR['m']:g} mm for slides), keeps the natural frequency",
+    f"at home between {SLOWEST_HZ:g} and {FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag "
+    f"below {SAG['rad']:g} rad; kd gives a damping ratio of at",
+    f"least {DAMPING_RATIO:g}. Where inertias differ too much for one kp, rows state a frequency.",
 )
 """The rules in short, as the recipe states them."""
 
@@ -236,11 +235,7 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
         return _by_frequency(row, unheld)
     stiffest = effort / LEAST_ERROR[unit]
     floors = [
-        max(
-            min(one.inertia * _square(SLOWEST_HZ), stiffest),
-            one.holding / SAG[unit],
-            one.tipping,
-        )
+        max(min(one.inertia * _square(SLOWEST_HZ), stiffest), one.holding / SAG[unit], one.tipping)
         for one in felt
     ]
     roofs = [

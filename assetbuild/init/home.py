@@ -77,10 +77,7 @@ UPRIGHT: Shift = (0.0, 0.0)
 
 
 def home_pose(
-    tree: Tree,
-    legs: tuple[Leg, ...],
-    shift: Shift = UPRIGHT,
-    depths: Depths = nothing_deep,
+    tree: Tree, legs: tuple[Leg, ...], shift: Shift = UPRIGHT, depths: Depths = nothing_deep
 ) -> dict[str, float]:
     """A value for each moving joint that mimics no other, rad or m, 3 decimals.
 

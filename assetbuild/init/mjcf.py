@@ -22,13 +22,7 @@ from assetbuild.init.home import DEEP_M, home_pose
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import put_repairs, repairs
-from assetbuild.init.sections import (
-    put_actuators,
-    put_head,
-    put_home,
-    put_source,
-    put_validation,
-)
+from assetbuild.init.sections import put_actuators, put_head, put_home, put_source, put_validation
 from assetbuild.init.strength import bounds, with_efforts
 from assetbuild.init.trial import Trial, Tuning, staged, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
@@ -275,7 +269,7 @@ def _taken(source: MjcfSource, legs: int) -> Iterator[str]:
     """What the source says and the recipe therefore does not. legs: on which it could walk."""
     control, tree = source.control, source.robot.tree
     freed = f"   # to let it walk on its {legs} legs, write `floating`" if legs else ""
-    yield "What the MJCF says and this file does not repeat; a key here would win:"
+    yield "The MJCF states the following; a key in this file overrides it:"
     yield f"base: {tree.base}{freed if tree.base == 'fixed' else ''}"
     yield f"simulation: {{timestep: {control.simulation.timestep:g}}}   # s"
     yield f"collision pairs that are excluded: {len(control.excludes)}"

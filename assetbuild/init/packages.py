@@ -222,10 +222,7 @@ SPELLINGS: tuple[tuple[str, Callable[[str], str]], ...] = (
         "no package is named: pinocchio reads such names from each package's folder",
         lambda uri: re.sub("^package:///(?=[^/]*$)", "", uri),
     ),
-    (
-        "only Windows reads a backslash as the end of a folder",
-        lambda uri: uri.replace("\\", "/"),
-    ),
+    ("only Windows reads a backslash as the end of a folder", lambda uri: uri.replace("\\", "/")),
 )
 """Names of files as a URDF's readers spell them, and why."""
 
@@ -358,7 +355,10 @@ TEXTS = (
     (r"permission is hereby granted, free of charge, to any person", "MIT"),
     (r"redistribution and use .*neither the name", "BSD-3-Clause"),
     (r"redistribution and use .*materials provided with the distribution", "BSD-2-Clause"),
-    (r"creative commons attribution 4\.0 international", "CC-BY-4.0"),
+    (r"attribution 4\.0 international", "CC-BY-4.0"),
+    (r"attribution-sharealike 4\.0 international", "CC-BY-SA-4.0"),
+    (r"attribution-noncommercial 4\.0 international", "CC-BY-NC-4.0"),
+    (r"attribution-noncommercial-sharealike 4\.0 international", "CC-BY-NC-SA-4.0"),
 )
 """Words that only the text of one licence has; the first that matches counts."""
 MOST_BYTES = 200_000

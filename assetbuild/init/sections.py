@@ -35,7 +35,7 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 from assetbuild.targets.mjcf.files import SCENES
 
-TURNED = "turned: what the drives could not hold, or what lay in the floor or in itself"
+TURNED = "not 0: joints whose drives could not hold the pose, or that lay in the floor or the robot"
 SHOWN = 8
 """Most overlaps that are named."""
 MANY_LEGS = 4
@@ -155,7 +155,7 @@ def put_licence(draft: Draft, root: Path, file: str) -> None:
     """The licence where a file states one that has an SPDX name; else a comment."""
     stated, at = stated_licence(root, file), ("source", "license")
     if stated is None:
-        draft.note("license: its SPDX name here; no file of the source states one", at=at)
+        draft.note("license: its SPDX name here; no file of the source states a known one", at=at)
         return
     name, words, said_by = stated
     if name:
@@ -175,7 +175,7 @@ def _put_source(draft: Draft, source: UrdfSource, path: Path) -> None:
         draft.put(stated.args, "source", "args")
     if others:
         defaults = (f"{name}: {json.dumps(value)}" for name, value in others)
-        draft.note("its other arguments and their defaults:", *defaults, at=("source", "args"))
+        draft.note("`args` may also state (defaults):", *defaults, at=("source", "args"))
     for key, why in NAMES.items():
         if value := getattr(stated, key):
             draft.put(value, "source", key, beside=why)

@@ -17,24 +17,12 @@ from assetbuild.findings import Finding
 from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Part, Recipe
 from assetbuild.recipe.renamed_keys import with_new_keys
-from assetbuild.recipe.validation import (
-    Key,
-    KeyedError,
-    follow,
-    key_text,
-    locate,
-    validated,
-)
+from assetbuild.recipe.validation import Key, KeyedError, follow, key_text, locate, validated
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 from assetbuild.robot.actuator_table import RowError
 
 FIRST_MATCH_WINS: frozenset[tuple[str, ...]] = frozenset(
-    {
-        ("collision", "links"),
-        ("contact", "links"),
-        ("randomize", "links"),
-        ("randomize", "joints"),
-    }
+    {("collision", "links"), ("contact", "links"), ("randomize", "links"), ("randomize", "joints")}
 )
 """Maps whose order decides: there the patch's new keys come first, so that the variant wins."""
 _NOT_IN_A_VARIANT = ("schema", "variants")

@@ -12,6 +12,7 @@ from assetbuild.init.draft import LONGEST, patterns_of
 
 DOG = [f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR") for part in ("hip", "thigh", "calf")]
 ARM = [f"panda_joint{n}" for n in range(1, 8)]
+ARMS = [f"arm_{side}_joint{n}" for side in ("left", "right") for n in range(1, 8)]
 
 
 @pytest.mark.parametrize(
@@ -21,6 +22,8 @@ ARM = [f"panda_joint{n}" for n in range(1, 8)]
         ([n for n in DOG if "calf" in n], DOG, ".*_calf_joint"),
         ([n for n in DOG if "calf" not in n], DOG, ".*_(hip|thigh)_joint"),
         (ARM[:4], ARM, ".*_joint[1-4]"),
+        ([n for n in ARMS if n[-1] in "12"], ARMS, ".*_joint[12]"),
+        ([n for n in ARMS if n[-1] in "12"], [*ARMS, "leg_a_joint1"], "arm_.*_joint[12]"),
         (["a.b"], ["a.b", "axb"], r"a\.b"),
         (["left_hip", "right_hip"], ["mid_hip", "left_hip", "right_hip"], "(left|right)_.*"),
         (["LeftHip", "RightHip"], ["LeftHip", "RightHip", "Hip"], "(Left|Right)Hip"),
