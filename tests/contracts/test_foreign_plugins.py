@@ -134,10 +134,10 @@ def test_the_page_of_the_how_to_builds_a_robot_and_an_edit_of_its_code_is_no_nul
     assert build(site, "--log-json", "log")
 
     path = bundle / "sdf/crate.sdf"
-    text = path.read_text().replace("<mass>4.0", "<mass>5.0").replace("<static>", "<wind/><static>")
+    text = path.read_text().replace("<mass>5.0", "<mass>4.0").replace("<static>", "<wind/><static>")
     path.write_text(text)
     done = run(site, "validate", "out", "--static")
-    assert "mass is 5 kg in the SDF, 4 kg in the robot" in done.stdout
+    assert "mass is 4 kg in the SDF, 5 kg in the robot" in done.stdout
     assert "equal.sdf.mass" in done.stdout
     assert "equal.sdf.wind" in done.stdout
 

@@ -1,1 +1,1 @@
-"""An example of plug-ins: a target, its reader, a check and a collision method."""
+"""An example of plug-ins: a target, its reader, a check, an edit and a collision method."""
