@@ -107,9 +107,9 @@ def _check(store: Store) -> int:
 def _gc(store: Store, max_bytes: int) -> int:
     done = collect(store, max_bytes)
     print(
-        f"{decimal(done.before)} -> {decimal(done.after)}: "
+        f"{cache_root()}: {decimal(done.before)} -> {decimal(done.after)}; "
         f"{done.actions} results and {done.objects} objects removed"
     )
     if done.after > max_bytes:
-        print("over the limit: builds that run now use the rest", file=sys.stderr)
+        print("still over the limit: what running builds use stays", file=sys.stderr)
     return 0

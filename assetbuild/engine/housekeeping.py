@@ -116,8 +116,9 @@ def collect(store: Store, max_bytes: int) -> Collected:
     _trim(store.root, ("quarantine",), 0)
     _trim(store.root, NOTES, max_bytes // 10)
     protected_from = min(_live(store.root)) - CLOCK_TICK_S  # our own mark is among them
-    notes = sum(entry.stat().st_size for name in NOTES for entry in _files(store.root / name))
-    kept, dropped = _choice(store, max_bytes - notes, protected_from)
+    results = sum(e.stat().st_size for name in ("ac", "cas") for e in _files(store.root / name))
+    others = total_bytes(store.root) - results
+    kept, dropped = _choice(store, max_bytes - others, protected_from)
     for path in dropped:
         path.unlink(missing_ok=True)
     removed = 0
