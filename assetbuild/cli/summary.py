@@ -98,6 +98,8 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
         head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
+    if outcome.exit_code and not report.has_errors:
+        head.append("  failed: `--fail-on warning` counts warnings, too")
     head.append(f"  next: {report.verdict.next_step}")
     rows = shown_rows(report.verdict, outcome.loaded.path)
     head += [f"  {part}: {sentence}" for part, sentence in rows]

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from assetbuild._version import __version__
+from assetbuild.errors import nearest
 from assetbuild.findings import (
     FOLLOWS,
     RENAMED,
@@ -46,6 +47,11 @@ class Report:
     verdict: Verdict
     findings: tuple[Finding, ...]
     checks: Mapping[str, CheckResult]
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether an error stands that the recipe does not waive."""
+        return any(finding.severity == "error" for finding in self.findings)
 
     def to_json(self) -> dict[str, object]:
         """The content of `report.json`."""
@@ -160,4 +166,5 @@ def _remarks(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> Iter
             yield OLD_NAME(subject, message)
         elif rule not in rules:
             message = f"the recipe changes rule `{rule}`, which found nothing"
-            yield UNUSED(subject, message)
+            near = nearest(rule, rules)
+            yield UNUSED(subject, message, hint=f"did you mean `{near}`?" if near else "")

@@ -59,14 +59,13 @@ class View:
 def html_page(report: Report, subject: Subject, hero: bytes | None, view: View | None) -> str:
     """The whole page; nothing in it is fetched from anywhere. hero: a PNG of the robot."""
     targets = subject.recipe.targets
-    failed = any(finding.severity == "error" for finding in report.findings)
     return templates().get_template("page.html").render(
         report=report,
         verdict=report.verdict,
         name=subject.recipe.robot,
         hero=base64.b64encode(hero).decode("ascii") if hero else "",
         rows=verdict_rows(report.verdict),
-        loading=[] if failed else list(loading_lines(subject.recipe.robot, targets)),
+        loading=[] if report.has_errors else list(loading_lines(subject.recipe.robot, targets)),
         missing=[target for target in ("mjlab", "isaaclab") if target not in targets],
         tiles=_tiles(report, subject),
         loud=sum(finding.severity != "info" for finding in report.findings),

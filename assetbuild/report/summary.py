@@ -44,7 +44,8 @@ def checks_text(report: Report) -> str:
         for status in ("pass", "fail", "skip")
     }
     parts = [f"{len(by_status['pass'])} passed"]
-    for status, words in (("fail", "failed"), ("skip", "not run")):
+    failed = "failed" if report.has_errors else "failed, waived by the recipe"
+    for status, words in (("fail", failed), ("skip", "not run")):
         names = by_status[status]
         if names:
             parts.append(f"{len(names)} {words} ({', '.join(f'`{name}`' for name in names)})")

@@ -106,6 +106,14 @@ def test_junit_has_a_case_for_every_check_error_and_failed_step(tmp_path):
     assert "tiny.urdf:7" in str(ElementTree.tostring(suites))
 
 
+def test_a_check_whose_errors_are_waived_fails_no_job(tmp_path):
+    waived = outcome(SPEED, checks={"stand": CheckResult("fail")})
+    write_junit(tmp_path / "junit.xml", [waived])
+    (suite,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    assert (suite.get("failures"), suite.get("skipped")) == ("0", "1")
+    assert "0 passed, 1 failed, waived by the recipe (`stand`)" in markdown(waived)
+
+
 def test_a_build_leaves_all_three(warm_legs: Place):
     words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
     done = warm_legs.build(*words, GITHUB_STEP_SUMMARY="summary.md")
