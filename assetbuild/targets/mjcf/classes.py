@@ -6,6 +6,7 @@ every member has (the axis of a joint, the type of a geom): there the class says
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -140,8 +141,8 @@ def usual(rows: Sequence[Row], tag: str, key: str, *, most: bool = True) -> dict
 
 
 def shared_words(wholes: Sequence[str]) -> str:
-    """`thigh` for FR_thigh, FL_thigh, ...: the words at the end, else at the start."""
-    names = [whole.split("_") for whole in wholes]
+    """`thigh` for FR_thigh_joint, FL_thigh_joint, ...: the words at the end, else at the start."""
+    names = [re.sub("(?i)_(joint|link)$", "", whole).split("_") for whole in wholes]
     tail = _leading([name[::-1] for name in names])[::-1]
     return "_".join(tail or _leading(names))
 

@@ -233,11 +233,11 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     if not adds and not families:
         return None
     first = rows[0]
-    wanted = first.motor or _shared_words(rows) or first.drive or "free"
+    wanted = first.motor or shared_words([row.name for row in rows]) or first.drive or "free"
     name = names.take(wanted, first.name)
     children = []
     for group, attributes in families:
-        family = names.take(_shared_words(group) or "joints", group[0].name)
+        family = names.take(shared_words([row.name for row in group]) or "joints", group[0].name)
         children.append(DefaultClass(family, attributes, group))
     return class_of(name, adds, rows, children)
 
@@ -250,7 +250,3 @@ def _stated(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
         for key, value in attributes.items()
         if (key in PLACING) == placing
     )
-
-
-def _shared_words(rows: Sequence[JointRow]) -> str:
-    return shared_words([row.name.removesuffix("_joint") for row in rows])
