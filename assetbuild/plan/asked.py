@@ -81,10 +81,11 @@ def _is_about(check: type[Check], key: str) -> bool:
 def _lack(checks: Sequence[type[Check]], recipe: Recipe) -> str:
     """What the recipe withholds from all of these checks; "" = nothing."""
     have = {*recipe.targets, "source", "source_mjcf"}
-    if all(set(check.needs) - have for check in checks):
-        missing = sorted({need for check in checks for need in set(check.needs) - have})
-        return f"`targets` lacks {', '.join(f'`{name}`' for name in missing)}"
     simulators = recipe.value("validate.simulators")
-    if not any(set(check.engines) <= set(simulators) for check in checks):
+    wanted = [check for check in checks if set(check.engines) <= set(simulators)]
+    if all(set(check.needs) - have for check in wanted or checks):
+        missing = sorted({need for check in wanted or checks for need in set(check.needs) - have})
+        return f"`targets` lacks {', '.join(f'`{name}`' for name in missing)}"
+    if not wanted:
         return f"`validate.simulators` names {', '.join(f'`{name}`' for name in simulators)} alone"
     return ""

@@ -84,11 +84,14 @@ def validated(
 
 
 def _telling(problems: list[_Problem]) -> Iterator[_Problem]:
-    """Drop a key that is missing because it is spelt wrong."""
+    """Drop a key that is missing because it is spelt wrong, and keys of a misspelt method."""
     spelt = {(p.key[:-1], p.hint) for p in problems if p.message == "unknown key"}
+    methods = {p.key[:-1] for p in problems if p.key[-1:] == ("method",)}
     for one in problems:
         is_missing = one.message.startswith("missing key") and bool(one.reach)
-        if not (is_missing and (one.key, f"did you mean `{one.reach[-1]}`?") in spelt):
+        follows = one.message == "unknown key" and one.key[:-1] in methods
+        is_spelt = is_missing and (one.key, f"did you mean `{one.reach[-1]}`?") in spelt
+        if not (follows or is_spelt):
             yield one
 
 
@@ -145,7 +148,8 @@ def _explained(raw: Any, root: Node, model: type[BaseModel]) -> _Problem:  # Any
         what = f"entry {name + 1}" if isinstance(name, int) else f"key `{name}`"
         message, hint = f"missing {what}", meaning(model, reach)
     elif raw["loc"][-1:] == ("[key]",):
-        message, hint = f"not a valid name: {_plain_message(raw)}", ""
+        head = "" if raw["type"] == "value_error" else "not a valid name: "  # a whole sentence
+        message, hint = head + _plain_message(raw), ""
     else:
         message, hint = _sentence(raw, raw["type"], key, node, model)
     return _Problem(key, where, message, hint, reach)

@@ -58,9 +58,7 @@ class SlopeCheck(SimulatorCheck):
             return slope
         start, ground = dict(initial_pose(tree, control).joints), standing(tree, control)
         ground = replace(
-            ground,
-            slippery=slope.friction / slope.stated,
-            solver=mujoco.contact_solver(model),
+            ground, slippery=slope.friction / slope.stated, solver=mujoco.contact_solver(model)
         )
         g, step = math.dist(ground.gravity, (0.0, 0.0, 0.0)), ground.timestep
         down, up = g * math.sin(slope.angle), g * math.cos(slope.angle)
@@ -87,7 +85,7 @@ class SlopeCheck(SimulatorCheck):
             figures[target] = {
                 "angle_rad": sliding.angle,
                 "friction": sliding.friction,
-                **({"speed_m_s": sliding.speed} if stood else {"skipped": "it falls"}),
+                **({"speed_m_s": sliding.speed} if stood else {"skipped": "the robot falls"}),
             }
             if not sliding.speed <= limit:
                 did = f"its feet slide at {1e3 * sliding.speed:.3g} mm/s" if stood else "it falls"

@@ -77,7 +77,7 @@ def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Slope | st
             stood.append(slope)
         if slope.speed <= limit:
             break
-    return min(stood, key=lambda one: one.speed, default="it falls")
+    return min(stood, key=lambda one: one.speed, default="the robot falls")
 
 
 def slope_at(angle: float, friction: float, share: float) -> Slope:

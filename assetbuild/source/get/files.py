@@ -128,6 +128,8 @@ class FolderFiles:
             beside = self._world.names(full.parent)
             near = [(PurePosixPath(path).parent / name).as_posix() for name in beside]
             hint = did_you_mean(path, near) or "check `source.root` and `source.packages`"
+            if what.endswith(": mesh"):
+                hint += "; or, to build without a visual, name it under `source.missing.visuals`"
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
         if not self._holds(full):
             raise SourceError(

@@ -22,7 +22,7 @@ MISSING = Rule(
     "urdf.visual.missing",
     "warning",
     "a visual mesh that the recipe states as missing was left out, and its shape with it",
-    "bring the mesh, and remove it from `source.missing.visuals`",
+    "add the mesh, and remove it from `source.missing.visuals`",
 )
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):")
@@ -121,7 +121,7 @@ class Paths:
         if mesh is None or (path := self._meaning(mesh)[2]) not in self.missing:
             return False
         if role == "collision":
-            hint = "bring the mesh, or replace the <collision> by a patch (see `source.patches`)"
+            hint = "add the mesh, or replace the <collision> by a patch (see `source.patches`)"
             message = (
                 f"the collision mesh `{path}` is stated as missing, which only a visual can be"
             )
