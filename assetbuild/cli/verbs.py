@@ -82,8 +82,9 @@ def out(what: str, metavar: str = "DIR") -> Option:
     return Option("-o", "--out", type=Path, metavar=metavar, help=what)
 
 
-RECIPE = Option("recipe", type=file_or_robot, metavar="RECIPE")
-RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE")
+FILE_OR_ROBOT = "a file, or the name of a robot of the library (`assetbuild list`)"
+RECIPE = Option("recipe", type=file_or_robot, metavar="RECIPE", help=FILE_OR_ROBOT)
+RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", help=FILE_OR_ROBOT)
 BUNDLE = Option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
 POLICY = Option("policy", type=Path, help="a folder with policy.onnx and its "
                 "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
@@ -108,14 +109,14 @@ BUILDING = (
     JOBS,
     switch("-k", "--keep-going", help="build all that does not depend on what failed"),
     VARIANT,
-    switch("--frozen", help="fail rather than write a lock"),
+    switch("--frozen", help="exit with 3 rather than write a lock"),
     *SHARING,
     Option("--executor", default="local", metavar="WHERE",
            help="local, or dask://HOST:PORT: run steps on the workers of that scheduler"),
     Option("--sandbox", choices=("off", "strict"),
            help="no longer has an effect; the next version removes it"),
     Option("--fail-on", choices=("error", "warning", "never"), default="error",
-           help="default: error"),
+           help="the least severity that makes the exit code 1; default: error"),
 )  # fmt: skip
 """What `build`, `smoke` and `watch` take."""
 SHARED = (RECIPES, Option("--variant", metavar="NAME", help="a variant of the recipes"), REMOTE)
@@ -126,7 +127,7 @@ VERBS: Mapping[str, Verb] = {
         "simulate the robot with collision geometry of every kind: quality against speed",
         RECIPE,
         out("default: build/<robot>-bench"),
-        Option("--levels", metavar="A,B", help="some of the levels; default: all"),
+        Option("--levels", metavar="A,B", help="such as `hull,primitives`; default: all"),
         Option("--from", dest="source", choices=("auto", "collision", "visual"),
                default="auto", help="the meshes to work on; default: collision, else visual"),
         *STEPS,
@@ -257,7 +258,7 @@ VERBS: Mapping[str, Verb] = {
         Option("-n", "--count", type=number(1, 1000), default=16, metavar="N",
                help="default: 16"),
         Option("--judge", type=number(1, 1_000_000), default=10_000, metavar="N",
-               help="draws judged; default: 10000"),
+               help="draws in the printed statistics; default: 10000"),
         Option("--seed", type=number(0), metavar="N", help="default: the recipe's"),
         out("default: build/<robot>-samples"),
         *STEPS,
