@@ -34,6 +34,8 @@ def test_the_text_nearest_to_the_robot_counts(robot: Path):
     assert "license: Apache-2.0   # as LICENSE says" in lines(robot)
     (robot / "arm/LICENSE.txt").write_text(MIT)
     assert "license: MIT   # as LICENSE.txt says" in lines(robot)
+    (robot / "arm/LICENSE.txt").write_text("Attribution-ShareAlike 4.0 International\n=====")
+    assert "license: CC-BY-SA-4.0   # as LICENSE.txt says" in lines(robot)
 
 
 def test_a_text_above_the_source_does_not_come_along_and_the_recipe_says_so(robot: Path):
@@ -56,7 +58,7 @@ def test_package_xml_states_it(robot: Path, said: str, spdx: str):
 def test_a_package_that_still_says_todo_states_nothing(robot: Path):
     text = "<package><license>TODO: License declaration</license></package>"
     (robot / "arm/package.xml").write_text(text)
-    assert "no file of the source states one" in lines(robot)
+    assert "no file of the source states a known one" in lines(robot)
     (robot / "LICENSE").write_text(MIT)
     assert "license: MIT   # as LICENSE says" in lines(robot)
 
@@ -70,7 +72,7 @@ def test_words_that_name_no_one_licence_are_quoted_and_not_claimed(robot: Path, 
 
 def test_a_source_that_states_none_gets_no_placeholder_to_uncomment(robot: Path):
     assert "MIT" not in lines(robot)
-    assert "no file of the source states one" in lines(robot)
+    assert "no file of the source states a known one" in lines(robot)
 
 
 def test_of_several_licences_none_is_claimed(robot: Path):

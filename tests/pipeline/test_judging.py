@@ -16,7 +16,9 @@ from assetbuild.engine.graph import Node
 from assetbuild.engine.make import NodeResult
 from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.pipeline.judging import _not_compared, _result, licence_findings
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline
+from assetbuild.plan.asked import asked
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -27,6 +29,17 @@ def test_a_target_without_a_reader_keeps_the_robot_from_being_ready():
     (finding,) = _not_compared(outline)
     assert (finding.rule, finding.subject) == ("formats.not_compared", "recipe targets sdf")
     assert finding.unready
+
+
+def test_a_check_that_another_engine_could_run_says_which_target_its_own_lacks(tmp_path: Path):
+    """PhysX could fall with the USD, but the recipe simulates in MuJoCo alone."""
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        "schema: assetbuild/v1\nrobot: r\nbase: fixed\nsource: {path: ., urdf: r.urdf}\n"
+        "targets: [usd]\nvalidate: {free_fall: {}}\n"
+    )
+    (one,) = asked(load_recipe(recipe).recipe)
+    assert one.lack == "`targets` lacks `mjcf`"
 
 
 def test_a_check_that_cannot_read_its_file_did_not_run(tmp_path: Path):

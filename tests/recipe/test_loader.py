@@ -144,6 +144,11 @@ def test_a_misspelt_key_is_not_missing_as_well(refused):
     assert (error.message, error.also) == ("robto: unknown key", ())
 
 
+def test_keys_of_a_misspelt_method_are_no_mistakes_of_their_own(refused):
+    error = refused(GOOD.replace("{method: primitive,", "{method: primitiv,"))
+    assert (error.hint, error.also) == ("did you mean `primitive`?", ())
+
+
 @pytest.mark.parametrize("text", ["- a\n- b\n", "just text\n", "12\n"])
 def test_a_recipe_is_a_map(refused, text):
     assert "expected a map at the top" in refused(text).message

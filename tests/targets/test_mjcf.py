@@ -22,6 +22,7 @@ from assetbuild.robot.model import Body, Control, Frame, Inertial, Joint, Limits
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjcf.classes import shared_words
 from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import number
 
@@ -103,6 +104,18 @@ def test_principal_moments_are_those_of_numpy() -> None:
 
 
 # --- default classes ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("names", "word"),
+    [
+        (["FR_thigh_joint", "FL_thigh_joint"], "thigh"),
+        (["ankle_L_Link", "ankle_R_Link"], "ankle"),
+        (["joint_1", "joint_2"], "joint"),
+    ],
+)
+def test_a_class_is_called_what_its_members_share(names: list[str], word: str):
+    assert shared_words(names) == word
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-7, 7.7])
