@@ -95,7 +95,7 @@ EQUAL = Rule(
     "error",
     "a file says something else than the robot (`equal.<format>.<quantity>`), or lacks it "
     "(`.missing`), or has more (`.extra`)",
-    "if nobody edited the bundle, this is a bug: please report it with both values",
+    "if nobody edited the bundle, the target or its reader has a bug: report it with both values",
     was=_WAS,
 )
 

@@ -229,7 +229,7 @@ def _sentence(row: Row, file: str) -> str:
     if last == "extra":
         return f"{file} has {thing}, its writer does not write it: {value_text(row.found)}"
     found, expected = value_text(row.found), value_text(row.expected)
-    return f"{row.attribute} is {found} in {file}, {expected} by the robot"
+    return f"{row.attribute} is {found} in {file}, {expected} in the robot"
 
 
 def _short(attribute: str) -> str:
