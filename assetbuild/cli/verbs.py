@@ -85,7 +85,7 @@ def out(what: str, metavar: str = "DIR") -> Option:
 FILE_OR_ROBOT = "a file, or the name of a robot of the library (`assetbuild list`)"
 RECIPE = Option("recipe", type=file_or_robot, metavar="RECIPE", help=FILE_OR_ROBOT)
 RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", help=FILE_OR_ROBOT)
-BUNDLE = Option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
+BUNDLE = Option("bundle", type=Path, metavar="BUNDLE", help="a folder that `build` wrote")
 POLICY = Option("policy", type=Path, help="a folder with policy.onnx and its "
                 "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
 VARIANT = Option("--variant", metavar="NAME", help="a variant of the recipe")
@@ -179,7 +179,7 @@ VERBS: Mapping[str, Verb] = {
     "explain": Verb(
         "explain why steps ran or would run, by the part of the key that changed",
         RECIPE,
-        Option("step", nargs="?", metavar="STEP", help="or the path of a file of the bundle; default: all"),
+        Option("step", nargs="?", metavar="STEP", help="or a bundle's file, by its path; default: all"),
         VARIANT,
         switch("--json", help="print data"),
         run="plan:explain_steps",

@@ -30,6 +30,7 @@ NO_DESCRIPTIONS = {
     (".usd", ".usda", ".usdc", ".usdz"): "a USD is written, not read: start from the description "
     "that it was made of; `assetbuild validate` and `diff` read a USD",
     (".sdf", ".world"): "convert it to URDF first",
+    (".yaml", ".yml"): "a recipe is built as it is: `assetbuild build`",
 }
 """Endings of files that hold no description which `init` reads, and what to do."""
 
