@@ -41,7 +41,7 @@ VAGUE = {
     *keys("assets scene mjx robot model mujoco mjcf xml xmls world main flat rough terrain"),
 }
 """Words that name no robot."""
-ABSENT = "bring the file, or remove the mesh and its geoms from the MJCF"
+ABSENT = "add the file, or remove the mesh and its geoms from the MJCF"
 DRIVES = "The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 

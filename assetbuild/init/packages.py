@@ -108,7 +108,7 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
     known = next(package_folders(name, file), [])
     if known:
         lack, hint = lacking(known[0], inside[0][0])
-        hint = hint or f"bring the file, or say where the package is: `--package {name}=FOLDER`"
+        hint = hint or f"add the file, or say where the package is: `--package {name}=FOLDER`"
         raise node.error(
             f"`{uri}`: package `{name}` is `{shown_path(known[0])}`, which holds {lack}", hint
         )
@@ -307,7 +307,7 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
             raise node.error(
                 f"`{path}` is on the author's machine, and no folder above the URDF holds the end "
                 "of it",
-                "bring the file, or write `package://NAME/path` (and `--package NAME=FOLDER`)",
+                "add the file, or write `package://NAME/path` (and `--package NAME=FOLDER`)",
             )
     return roots
 
