@@ -179,7 +179,7 @@ VERBS: Mapping[str, Verb] = {
     "explain": Verb(
         "explain why steps ran or would run, by the part of the key that changed",
         RECIPE,
-        Option("step", nargs="?", metavar="STEP", help="or the path of a bundle's file; default: all"),
+        Option("step", nargs="?", metavar="STEP", help="or a path in a bundle; default: all"),
         VARIANT,
         switch("--json", help="print data"),
         run="plan:explain_steps",
