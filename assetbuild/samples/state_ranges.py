@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, steady
 from assetbuild.plugin_types import Target
 from assetbuild.robot.actuator_table import must_match
 from assetbuild.robot.files import RobotFiles
@@ -142,9 +142,9 @@ class StateRanges(Target):
                 low, high = getattr(ranges, key)
                 nominal = getattr(actuator, key, None)
                 if nominal and (low, high) != (1.0, 1.0):
-                    row[key] = {"nominal": nominal, "range": [nominal * low, nominal * high]}
+                    row[key] = {"nominal": nominal, "range": _scaled(nominal, low, high)}
             row["delay"] = list(ranges.delay)
-            row["encoder_bias"] = [-ranges.encoder_bias, ranges.encoder_bias]
+            row["encoder_bias"] = [steady(-ranges.encoder_bias), ranges.encoder_bias]
             row["source"] = ranges.source or UNSTATED
             rows[joint.name] = row
         return rows
@@ -185,14 +185,18 @@ def _matter(inertial: Inertial, matter: RandomMatter) -> dict[str, Any]:
     mass, com = inertial.mass_kg, per_axis(matter.com)
     low, high = matter.density
     return {
-        "mass": {"nominal": mass, "range": [mass * low, mass * high]},
+        "mass": {"nominal": mass, "range": _scaled(mass, low, high)},
         "density": [low, high],
         "com": {"nominal": list(inertial.com_m), "shift": list(com)},
         "log_cholesky": {
             "alpha": [math.log(low) / 2, math.log(high) / 2],
-            "d": [-matter.stretch, matter.stretch],
-            "s": [-matter.shear, matter.shear],
-            "t": [[-shift, shift] for shift in com],
+            "d": [steady(-matter.stretch), matter.stretch],
+            "s": [steady(-matter.shear), matter.shear],
+            "t": [[steady(-shift), shift] for shift in com],
         },
         "source": matter.source or UNSTATED,
     }
+
+
+def _scaled(nominal: float, low: float, high: float) -> list[float]:
+    return [steady(nominal * low), steady(nominal * high)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +126,13 @@ def stated(ports: Path, ranges: dict[str, Any]) -> tuple[dict[str, Any], list[An
     step = StateRanges(robot="tiny", randomize=Randomize.model_validate(ranges))
     findings = run_step(step, ports, ports)
     return yaml.safe_load((ports / "dr.yaml").read_text()), findings
+
+
+def test_a_reader_sees_no_rounding_noise_and_no_negative_zero(ports: Path) -> None:
+    ranges = {"links": {"trunk": {"density": [0.9, 1.1]}}, "joints": {".*": {"kp": [0.9, 1.1]}}}
+    stated(ports, ranges)
+    text = (ports / "dr.yaml").read_text()
+    assert not re.search(r"-0\.0\b(?!\d)|\d(0{6}|9{6})\d", text), text
 
 
 def test_every_number_of_the_file_is_the_recipes_or_the_robots(ports: Path) -> None:
