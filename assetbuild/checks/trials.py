@@ -59,7 +59,7 @@ DEAD = Rule(
     ("error", "warning"),
     "a joint hardly moves when its drive is commanded (a warning where an MJCF's own drive does "
     "that in the source, too)",
-    "is kp in other units, the effort limit too small, or kd far too large?",
+    "is kp in other units, the effort limit too small, or kd or the armature far too large?",
 )
 ENERGY = Rule(
     "trials.energy",
@@ -256,7 +256,8 @@ class Trials(mujoco.InMujoco):
                 origin = ", as in the source's own MJCF" if self.inherited else ""
                 yield DEAD(
                     f"actuator {joint}",
-                    f"commanded to swing by {asked:.3g}, the joint moved by {moved:.3g}{origin}",
+                    f"commanded to swing by {asked:.3g}, moved by {moved:.3g} "
+                    f"{_unit(model, joint)}{origin}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": asked, "moved": moved},
                 )
@@ -275,11 +276,10 @@ class Trials(mujoco.InMujoco):
         figures["timestep_error"] = {joint: _or_unstable(e) for joint, e in errors.items()}
         worst = max(errors, key=lambda joint: errors[joint], default="")
         if errors.get(worst, 0.0) > self.timestep:
-            slides = model.joint(worst).type[0] == mujoco.mj.mjtJoint.mjJNT_SLIDE
             yield TIMESTEP(
                 f"actuator {worst}",
                 f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} "
-                f"{'m' if slides else 'rad'} (limit {self.timestep:g})",
+                f"{_unit(model, worst)} (limit {self.timestep:g})",
                 data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
             )
 
@@ -398,3 +398,7 @@ class Trials(mujoco.InMujoco):
 
 def _or_unstable(value: float) -> float | str:
     return value if math.isfinite(value) else "unstable"
+
+
+def _unit(model: Model, joint: str) -> str:
+    return "m" if model.joint(joint).type[0] == mujoco.mj.mjtJoint.mjJNT_SLIDE else "rad"

@@ -181,7 +181,7 @@ def contact_findings(shapes: Shapes, control: Control) -> Iterator[Finding]:
             f"link {names[0]}",
             f"sliding friction of {friction:.4g} is {'below' if slides else 'above'} the plausible "
             f"range of {SLIDING[0]:g} to {SLIDING[1]:g}: {listed}",
-            hint="0.08 for 0.8? `contact.friction` is [sliding, torsional (m), rolling (m)]",
+            hint="is it 0.08 for 0.8? `contact.friction` is [sliding, torsional (m), rolling (m)]",
             data={"friction": friction, "lower": SLIDING[0], "upper": SLIDING[1]},
         )
     yield from _raised(shapes, control)

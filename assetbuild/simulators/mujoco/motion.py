@@ -12,13 +12,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import (
-    Experiment,
-    Motion,
-    Outcome,
-    Setting,
-    SimulatorCheck,
-)
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Setting, SimulatorCheck
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import aim, drive_as, read_drives
 
