@@ -122,8 +122,9 @@ def _cases(outcome: Outcome) -> Iterator[Case]:
     for name, check in sorted(outcome.report.checks.items()):
         kind = {"fail": failed, "skip": "skipped"}.get(check.status, "")
         yield Case(f"check {name}", kind, check.note or check.status)
+    only_warned = outcome.exit_code == 1 and not outcome.report.has_errors  # --fail-on warning
     for finding in outcome.report.findings:
-        if finding.severity == "error":
+        if finding.severity == ("warning" if only_warned else "error"):
             name = f"{finding.rule} {finding.subject}"
             yield Case(name, "failure", f"{finding.where} {public_message(finding)}")
 

@@ -111,6 +111,10 @@ def test_a_check_whose_errors_are_waived_fails_no_job(tmp_path):
     write_junit(tmp_path / "junit.xml", [waived])
     (suite,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
     assert (suite.get("failures"), suite.get("skipped")) == ("0", "1")
+    waived.exit_code = 1  # by `--fail-on warning`
+    write_junit(tmp_path / "strict.xml", [waived])
+    (suite,) = ElementTree.parse(tmp_path / "strict.xml").getroot()
+    assert (suite.get("failures"), suite.get("skipped")) == ("1", "1")
     assert "0 passed, 1 failed, waived by the recipe (`stand`)" in markdown(waived)
 
 
