@@ -159,10 +159,10 @@ def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> C
     outline, results = done.outline, done.results
     lines: dict[str, int | str] = {}  # text where an included file says it: `file:line`
     file = loaded.recipe.source.description
-    # Not there while `check` runs light steps alone.
-    if outline.source_map is not None and outline.source_map.node in results:
-        digest = results[outline.source_map.node][outline.source_map.output]
-        source_map = json.loads(session.read(digest))
+    # Not there where it failed, and while `check` runs light steps alone.
+    made = results.get(outline.source_map.node) if outline.source_map else None
+    if outline.source_map and made and made.outputs:
+        source_map = json.loads(session.read(made[outline.source_map.output]))
         file, lines = source_map["file"], source_map["lines"]
     edits = (results[label].findings for label in outline.edits if label in results)
     for before, now in renamed(chain.from_iterable(edits)):
