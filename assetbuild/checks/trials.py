@@ -129,7 +129,8 @@ NOTHING_TOUCHES = Rule(
     "trials.nothing_touches",
     "warning",
     "the robot floats and none of its shapes can touch a floor, so it is not ready",
-    "give it collision shapes; where it never lands, state that in `rules: "
+    "give it collision shapes, whose `contype` or `conaffinity` meets a floor's 1; where it never "
+    "lands, state that in `rules: "
     '{trials.nothing_touches: {severity: info, because: "..."}}`',
     blocks=True,
 )

@@ -197,3 +197,27 @@ def test_a_shape_that_only_a_pair_holds_on_the_floor_stands_on_any_floor(
     if found:
         assert (geom.condim, geom.priority) == (4, 1)
         assert list(geom.friction[:2]) == [0.3, 0.02]
+
+
+@pytest.mark.parametrize(
+    ("thigh", "masks", "severity"),
+    [
+        ("", (0, 3), "warning"),  # the thigh's masks of (1, 1) meet those of any foot that stands
+        ('contype="2" conaffinity="4"', (2, 5), "info"),
+        ('contype="1" conaffinity="0"', (3, 4), "info"),
+    ],
+)
+def test_a_shape_that_meets_the_floor_of_its_scene_alone_stands_on_any_floor(
+    thigh: str, masks: tuple[int, int], severity: str, tmp_path: Path
+):
+    """One bit more, in the mask by which it still meets no other shape."""
+    foot = 'contype="2" conaffinity="4"' if thigh else 'contype="0" conaffinity="2"'
+    floor = 'contype="2" conaffinity="2"'
+    text = f"""<mujoco><worldbody><geom type="plane" size="1 1 1" {floor}/>
+    <body name="base" pos="0 0 .5"><freejoint/><geom name="thigh" size=".1" {thigh}/>
+    <body name="foot" pos="0 0 -.4"><joint name="j"/><geom name="foot" size=".1" {foot}/></body>
+    </body></worldbody></mujoco>"""
+    done = read(text, tmp_path / "read")
+    assert [f.severity for f in done.findings if f.rule == "mjcf.no_floor"] == [severity]
+    geom = mujoco.MjModel.from_xml_path(str(write(done, tmp_path / "out").xml)).geom("foot")
+    assert (geom.contype[0], geom.conaffinity[0]) == masks

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from assetbuild.errors import SourceError, did_you_mean
+from assetbuild.errors import SourceError, did_you_mean, quoted
 from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.robot.contact import Contact
 from assetbuild.source.mjcf.text import (
     Classes,
     Element,
@@ -34,11 +35,14 @@ SCENERY = Rule(
 )
 ON_FLOOR = Rule(
     "mjcf.no_floor",
-    "info",
-    "a shape touches the floor by a <pair> of the source alone: in the bundle it touches any floor",
-    "give the geom `contype` and `conaffinity` by `patches` where it shall touch more",
+    ("info", "warning"),
+    "a shape touches the source's floor by a <pair> or by masks that no other floor has: in the "
+    "bundle it touches any floor (a warning where it then touches other shapes, too)",
+    "give the geom `contype` and `conaffinity` by `patches` where it shall touch others",
 )
 OF_PAIR = ("condim", "solref", "solimp", "margin", "gap")
+MASKS = ("contype", "conaffinity")
+ANY_FLOOR = Contact()
 OBJECTS = ("joint", "freejoint", "geom", "site", "camera", "light")
 NAMES: Mapping[str, str] = {
     **{f"{kind}{n}": kind for kind in ("body", "joint", "geom", "site") for n in ("", "1", "2")},
@@ -86,7 +90,9 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
             hint = "give the file of the robot alone, or state the masses"
             raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
     grounds = [g for g in parts(world, "geom") if classes.attributes(g).get("type") in GROUNDS]
-    floors = {str(ground.get("name")) for ground in grounds}
+    floors = {
+        str(g.get("name")): _masks(g, classes) for g in grounds if ("geom", g.get("name")) in lost
+    }
     standing: dict[str, Element] = {}
     for element, missing in _cut(root, gone, lost, classes):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
@@ -96,7 +102,7 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
             standing, severity = standing | dict.fromkeys(ends, element), "info"
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
         yield dropped(str(element.tag), "robot", message, severity=severity)
-    yield from _on_any_floor(standing, root, classes)
+    yield from _on_any_floor(standing, tuple(floors.values()), root, classes)
     for top in gone:
         mocap = top.get("mocap") == "true"
         yield SCENERY(
@@ -109,35 +115,47 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
 
 
 def _on_any_floor(
-    pairs: Mapping[str, Element], root: Element, classes: Classes
+    pairs: Mapping[str, Element], floors: Iterable[Contact], root: Element, classes: Classes
 ) -> Iterator[Finding]:
-    """Let the geoms whose masks let them touch nothing touch floors, as their pair did.
+    """Let the geoms that met the source's floor, and would meet no other, touch any floor.
 
-    pairs: with the floor, by the geom's name. `conaffinity` alone meets a floor's `contype`, and no
-    other geom of that kind; `priority` makes the numbers of the pair count.
+    pairs: with the floor, by the geom's name; floors: the masks of the source's. A bit is added to
+    the mask that meets no other geom by it; `priority` makes the numbers of a pair count.
     """
-    names = []
-    for geom in of_bodies(root, "geom"):
-        masks = [classes.attributes(geom).get(mask, "1") for mask in ("contype", "conaffinity")]
-        pair = pairs.get(str(geom.get("name")))
-        if pair is None or any(mask.strip() != "0" for mask in masks):
+    geoms = {str(geom.get("name")): geom for geom in of_bodies(root, "geom")}
+    masks = {name: _masks(geom, classes) for name, geom in geoms.items()}
+    names, others = list[str](), set[str]()
+    for name, geom in geoms.items():
+        now, said = masks[name], dict[str, str]()
+        pair = None if now.contype or now.conaffinity else pairs.get(name)
+        if now.meets(ANY_FLOOR) or (pair is None and not any(map(now.meets, floors))):
             continue
-        stated = classes.attributes(pair)
-        said = {key: stated[key] for key in OF_PAIR if key in stated}
-        if "friction" in stated:
-            said["friction"] = " ".join(stated["friction"].split()[::2])  # slide, spin, roll
-        said |= {"priority": "1", "conaffinity": "1"} if said else {"conaffinity": "1"}
-        for key, value in said.items():
+        if pair is not None:
+            stated = classes.attributes(pair)
+            said = {key: stated[key] for key in OF_PAIR if key in stated}
+            if "friction" in stated:
+                said["friction"] = " ".join(stated["friction"].split()[::2])  # slide, spin, roll
+            said |= {"priority": "1"} if said else {}
+        wider = [now.model_copy(update={key: getattr(now, key) | 1}) for key in reversed(MASKS)]
+        apart = {n: o for n, o in masks.items() if geoms[n].getparent() is not geom.getparent()}
+        met = [{n for n, o in apart.items() if new.meets(o) > now.meets(o)} for new in wider]
+        masks[name], more = min(zip(wider, met, strict=True), key=lambda choice: len(choice[1]))
+        for key, value in (said | {key: str(getattr(masks[name], key)) for key in MASKS}).items():
             geom.set(key, value)
-        names.append(str(geom.get("name")))
+        names.append(name)
+        others |= more
     if names:
-        yield ON_FLOOR(
-            "robot",
-            f"{', '.join(names[:8])} touched the floor of the source by <pair>s alone, which went "
-            'with that floor: here they touch any floor (`conaffinity="1"`), and in the MJCF no '
-            "other geom like them",
-            data={"shapes": tuple(names)},
-        )
+        message = f"{quoted(names, 8)} touched the source's floor by <pair>s, or by masks that no "
+        message += "other floor has: in the bundle they touch any floor"
+        message += f", and in the MJCF {quoted(sorted(others), 8)}, too" if others else ""
+        severity: Severity = "warning" if others else "info"
+        yield ON_FLOOR("robot", message, severity=severity, data={"shapes": tuple(names)})
+
+
+def _masks(geom: Element, classes: Classes) -> Contact:
+    """Masks of a geom; MuJoCo refuses later what is no number."""
+    words = {key: classes.attributes(geom).get(key, "1").strip() for key in MASKS}
+    return Contact().model_copy(update={k: int(w) for k, w in words.items() if w.isdecimal()})
 
 
 def _is_held(root: Element) -> bool:
