@@ -26,6 +26,9 @@ from assetbuild.robot.shapes import Shapes, SourceShapes
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""
 
+SPARSE_KG_M3 = 20.0
+"""A ball of the same inertia that is denser than this is merely large: no units are mistaken."""
+
 SINGULAR = 1e-12
 """Relative: a least principal moment below this is a zero that rounding made positive."""
 
@@ -70,8 +73,8 @@ PSEUDO = Rule(
 RADIUS = Rule(
     "inertia.radius",
     ("warning", "info"),
-    "the inertia is that of a ball of more than 0.5 m radius: much for the mass, though every "
-    "simulator takes it",
+    "the inertia is that of a ball of more than 0.5 m radius and less than 20 kg/m³: much for the "
+    "mass, though every simulator takes it",
     "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
 )
 DENSE = Rule(
@@ -201,14 +204,15 @@ def _size_findings(
     subject: str, inertial: Inertial, bounds: InertiaBounds, worst: Severity, data: Data
 ) -> Iterator[Finding]:
     mass, radius = inertial.mass_kg, equivalent_radius(inertial)
+    ball = 4.0 / 3.0 * math.pi * radius**3
     data = {"radius_m": radius, **data}
     refused = principal_moments(inertial.inertia_com_kg_m2)[0] < LEAST_MOMENT_KG_M2
-    if refused or mass > bounds.density * 4.0 / 3.0 * math.pi * radius**3:
+    if refused or mass > bounds.density * ball:
         also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²"
         message = f"{mass:g} kg with the inertia of a ball of {radius:.3g} m radius: denser "
         message += "than any matter" + also * refused
         yield DENSE(subject, message, severity=worst if refused else _below(worst), data=data)
-    if radius > bounds.radius * (1.0 + ROUNDING):
+    if radius > bounds.radius * (1.0 + ROUNDING) and mass < SPARSE_KG_M3 * ball:
         message = f"its inertia is that of a ball of {radius:.3g} m radius with {mass:g} kg"
         yield RADIUS(subject, message, data=data)
 

@@ -38,7 +38,7 @@ def load(data: bytes, subject: str) -> tuple[Any, list[Finding], dict[str, int]]
         raise StepError(message, where=Where(subject, element.sourceline), hint=hint)
     lines = {g.get("id"): g.sourceline for g in root.iterfind(GEOMETRIES)}
     skipped, gone = _without_curves(root)
-    text = _bytes(root) if findings or skipped or gone else data
+    text = _bytes(root) if findings or skipped or gone or b"<!--" in data else data
     document = _document(text, subject)
     for mend in (_mend_samplers, _drop_lost_materials):
         if mend(document):  # read it again, as its mended tree says
@@ -48,10 +48,11 @@ def load(data: bytes, subject: str) -> tuple[Any, list[Finding], dict[str, int]]
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     _refuse_lost_geometry(document, lines, subject)
-    broken = (e for e in document.errors if isinstance(e, DaeBrokenRefError))
-    if absent := [e for e in broken if "Geometry " in str(e)]:
+    broken = [e for e in document.errors if isinstance(e, DaeBrokenRefError)]
+    if absent := [e for e in broken if e.msg.startswith("Geometry ")]:
         skipped["instances of geometry that the file lacks"] = len(absent)
-        document.errors = [e for e in document.errors if e not in absent]
+    unseen = [e for e in broken if e.msg.startswith(("Camera ", "Light "))]
+    document.errors = [e for e in document.errors if e not in absent + unseen]
     return document, [*findings, *_repeated(root, subject)], skipped
 
 
@@ -108,7 +109,9 @@ def _root(data: bytes, subject: str) -> tuple[Any, list[Finding]]:
 def _parsed(data: bytes) -> Any:
     from lxml import etree
 
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+    parser = etree.XMLParser(  # pycollada takes a comment among nodes for an unknown node
+        resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True
+    )
     return etree.fromstring(data, parser)
 
 

@@ -227,6 +227,11 @@ def test_each_rule_fires_on_the_body_that_breaks_it(
     assert finding.hint
 
 
+def test_the_heavy_link_of_a_large_arm_is_no_fault(tmp_path: Path):
+    """A brick of 1.2 x 0.3 x 0.2 m and 60 kg: its moments are those of a ball of 0.56 m radius."""
+    assert not lint_body(body(60.0, 0.65, 7.4, 7.65), tmp_path)
+
+
 def test_the_light_links_of_a_split_joint_are_no_fault(tmp_path: Path):
     ball = Tree(
         "arm",

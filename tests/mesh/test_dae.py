@@ -37,6 +37,14 @@ def test_a_dae_gives_its_materials_nodes_polygons_and_unit():
     }
 
 
+def test_comments_and_absent_cameras_and_lights_among_the_nodes_are_nothing_to_report():
+    more = b'<!-- rig --><node><instance_camera url="#no"/></node><node><instance_light url="#no"/>'
+    source = read_mesh(
+        dae().replace(b'<node id="mirror">', more + b'</node><node id="mirror">'), "dae"
+    )
+    assert rules(source) == rules(read_mesh(dae(), "dae"))
+
+
 def test_a_false_up_axis_is_ignored_and_said_or_honoured_when_asked():
     ignored = read_mesh(dae(up="Y_UP"), "dae")
     honoured = read_mesh(dae(up="Y_UP"), "dae", up_axis="honour")
