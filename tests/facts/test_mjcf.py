@@ -217,7 +217,7 @@ def proved(made: Written) -> list[Finding]:
         ('coef="2"', 'coef="2.1"', "path", "tendon cable"),
         ('sidesite="plain"', "", "path", "tendon rope"),
         ('target="foot"', 'target="toe"', "target", "camera eye"),
-        ('rgba="1 0 0 1"', 'rgba="0 1 0 1"', "rgba", "shape chest"),
+        ('rgba="1 0 0 1"', 'rgba="0 1 0 1"', "rgba", "shape chest_visual"),
         ('iterations="7"', 'iterations="8"', "iterations", "simulation"),
         ('sensorsize=".004 .002"', 'sensorsize=".004 .001"', "sensorsize", "camera lens"),
     ],

@@ -32,7 +32,7 @@ def test_meshes_of_one_file_name_in_two_folders_are_two(tmp_path: Path):
     far = TET.replace("v 0 0 3", "v 0 0 9")
     reading = read(robot(body, head=head), tmp_path, left__hand_obj=TET, right__hand_obj=far)
     paths = [s.geometry.path for s in reading.shapes.shapes if isinstance(s.geometry, MeshFile)]
-    assert paths == ["arm/left/hand.obj", "arm/right/hand.obj"]
+    assert paths == ["arm/left/hand.obj", "arm/right/hand.obj"] * 2, "they collide and are drawn"
     mass = reading.links.by_body["a"].inertial
     assert mass is not None and mass.mass_kg == pytest.approx(4000.0), "1 m3 and 3 m3 of water"
 

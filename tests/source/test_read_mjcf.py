@@ -9,7 +9,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import TET, Reading, hard_arm, read
+from mjcfs import TET, Reading, compared, hard_arm, read, write
 
 from assetbuild.errors import SourceError
 from assetbuild.robot.model import Contact, Limits, Mimic, Place, Sensor
@@ -117,8 +117,35 @@ def test_what_has_no_name_gets_one(tmp_path: Path):
         "body_collision2",
         "body_visual",
         "body_body_collision",
+        "body_collision_visual",
+        "body_collision2_visual",
+        "body_body_collision_visual",
     ]
     assert reading.links.moving_joints[0].name == "body_body_joint"
+
+
+GUARDED = '<geom name="hull" contype="0" conaffinity="0" group="{}" size=".1"/>'
+
+
+@pytest.mark.parametrize(
+    ("beside", "stated", "roles"),
+    [
+        ("", 'rgba="1 0 0 1"', {"bumper": "collision", "bumper_visual": "visual"}),
+        (GUARDED.format(0), "", {"bumper": "collision", "bumper_visual": "visual"}),
+        (GUARDED.format(1), "", {"bumper": "collision"}),
+        ("", 'group="3"', {"bumper": "collision"}),
+        ("", 'rgba="1 0 0 0"', {"bumper": "collision"}),
+    ],
+    ids=["alone", "in the group of what is seen", "beside a shell", "hidden", "transparent"],
+)
+def test_what_collides_and_is_drawn_is_seen_in_every_format(
+    beside: str, stated: str, roles: dict[str, str], tmp_path: Path
+):
+    text = robot(f'<body name="b">{beside}<geom name="bumper" size=".2" {stated}/></body>')
+    reading = read(text, tmp_path / "read")
+    shapes = [s for s in reading.shapes.shapes if s.name != "hull"]
+    assert {s.name: s.role for s in shapes} == roles
+    assert compared(write(reading, tmp_path / "out")) == set()
 
 
 def test_a_site_named_like_a_body_is_renamed_aloud(arm: Reading):
@@ -269,6 +296,16 @@ def test_what_cannot_be_read_is_one_error_with_its_line(text: str, message: str,
     assert message in refused(text, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("attribute", "hint"),
+    [('class="no"', "if another file includes this one"), ('apirate="9"', "no longer knows it")],
+)
+def test_a_part_of_a_robot_and_a_text_of_an_older_mujoco_are_told_the_way_out(
+    attribute: str, hint: str, tmp_path: Path
+):
+    assert hint in refused(robot(f'<body><geom {attribute} size=".1"/></body>'), tmp_path)
+
+
 def test_what_is_left_out_is_told(arm: Reading):
     told = {f.data["element"] for f in arm.findings if f.rule == "mjcf.dropped"}
     assert told == {"geom of worldbody", "visual"}
@@ -365,7 +402,7 @@ def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path:
     head = sized.format(".1") + '<asset><model name="h" file="hand.xml"/></asset>'
     body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
     reading = read(robot(body, head=head), tmp_path, hand_xml=child)
-    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
+    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3] * 2  # type: ignore[union-attr] # spheres
 
 
 def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):

@@ -5,6 +5,7 @@ nor what the build changes by rule:
 
 - A body without mass and joints becomes a site; a body's old frame, and the ends of a loop, too.
 - A site with the name of a body is called `<site>_site`.
+- A geom that collides and is drawn is two: the second is called `<geom>_visual`.
 - Bodies that a joint connects are excluded.
 - A camera that looks at a body without mass looks ahead.
 - What counts from a joint's `ref` in a law of its own is not compared.
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from assetbuild.checks.mjcf_source.at_rest import Facts, Side, read_side
+from assetbuild.checks.mjcf_source.at_rest import GREY, Facts, Side, read_side
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import EXACT, Difference, Precision, differences, equality_findings
 from assetbuild.facts.mjcf_model import MESHES
@@ -120,10 +121,12 @@ class MjcfSource(mujoco.WithMujoco):
             write_figures(files, {"skipped": str(error)})
             yield LOAD("robot", f"nothing to compare: {error}")
             return
+        twins = _twins(source.facts, ours.facts)
         for key in list(source.facts):
             if key.kind == "shape" and key.quantity in MESH and objects.get(source.mesh(key.name)):
                 del source.facts[key]
-                ours.facts.pop(key, None)
+                for name in (key.name, twins.get(key.name, "")):
+                    ours.facts.pop(key._replace(name=name), None)
         before, after = tables(source, ours, stated)
         different = compare(before, after, rough=rough)
         yield from equality_findings(different, "source", "our MJCF", {}, "the source")
@@ -220,7 +223,7 @@ def compare(before: Table, after: Table, *, rough: Mapping[Comparison, float]) -
 
 def tables(source: Side, ours: Side, stated: frozenset[str]) -> tuple[Table, Table]:
     """What neither a rule above nor the recipe (`stated`, see `MjcfSource`) explains, of both."""
-    wanted = _with_our_names(source, ours)
+    wanted = _drawn_apart(_with_our_names(source, ours), ours.facts)
     parts = [
         {key: value for key, value in facts.items() if not _is_stated(key, facts, stated)}
         for facts in (wanted, ours.facts)
@@ -255,6 +258,32 @@ def _with_our_names(source: Side, ours: Side) -> Facts:
         key._replace(name=names[key.name]) if key.kind == "frame" else key: renamed(value)
         for key, value in source.facts.items()
     }
+
+
+def _twins(facts: Facts, ours: Facts) -> dict[str, str]:
+    """Shape of the source -> the second one that ours has of it, which is seen."""
+    known = {key.name for key in facts if key.kind == "shape"}
+    made = {key.name for key in ours if key.kind == "shape"} - known
+    return {old: new for new in made if (old := re.sub(r"_visual\d*$", "", new)) in known}
+
+
+def _drawn_apart(facts: Facts, ours: Facts) -> Facts:
+    """The facts of the source, where what both collides and is drawn is two shapes as in ours."""
+    twins = _twins(facts, ours)
+    apart = dict(facts)
+    for key, value in facts.items():
+        if key.kind != "shape" or key.name not in twins:
+            continue
+        twin = key._replace(name=twins[key.name])
+        if key.quantity == "role":
+            apart |= {key: "collision", twin: "visual"}
+        elif key.quantity == "rgba":
+            apart |= {key: GREY, twin: value}
+        elif key.quantity in ("contype", "conaffinity"):
+            apart[twin] = 0.0
+        elif key.quantity not in SURFACE:
+            apart[twin] = value
+    return apart
 
 
 def _is_changed(key: Key, source: Side, ours: Side, after: Facts, stated: frozenset[str]) -> bool:

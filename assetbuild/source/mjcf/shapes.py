@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, count
 from typing import Any
 
 from assetbuild.errors import quoted
-from assetbuild.findings import Rule, Severity
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.mjcf_only import words
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
@@ -28,6 +28,7 @@ from assetbuild.source.mjcf.compiled import pose_at
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import body_element, keys, leftover
 from assetbuild.source.mjcf.text import WORLD, Element, dropped, error_at, parts, where_of
+from assetbuild.xml_text import free_name
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
@@ -42,9 +43,9 @@ SAID = keys(
 
 VISIBLE_COLLISION = Rule(
     "mjcf.visible_collision",
-    ("info", "warning"),
-    "geoms that collide are also what is drawn; URDF and USD hold them as collision only (a "
-    "warning for a robot without any visual geom)",
+    "info",
+    "geoms that collide are drawn, too: a link's only ones, and those in a group of visual geoms, "
+    "become a visual and a collision shape each; URDF and USD hold the others as collision only",
     'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
 )
 
@@ -64,27 +65,18 @@ def read_geoms(links: Links) -> Geoms:
                 subject = f"shape {geom.get('name')}"
                 lost = dropped("geom of worldbody", subject, what, hint, severity)
                 links.findings.append(lost)
+    links.findings += geoms.draw()
     worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
     geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
     links.mjcf_only = [i for i in links.mjcf_only if i.place != "material" or i.owner in worn]
-    visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in geoms.drawn]
-    if visible:
-        message = f"{len(visible)} geoms collide and are drawn: {quoted(visible, 6)}; in URDF and "
-        message += "USD they only collide"
-        alone = all(shape.role != "visual" for shape in geoms.shapes)
-        message += ", so viewers of these show nothing of the robot" if alone else ""
-        severity = "warning" if alone else "info"
-        finding = VISIBLE_COLLISION(
-            "robot", message, severity=severity, data={"geoms": len(visible)}
-        )
-        links.findings.append(finding)
     return geoms
 
 
 class Geoms:
     """What the geoms of an MJCF amount to.
 
-    contacts: by shape, of all that touch; drawn: names of those that are also shown.
+    contacts: by shape, of all that touch; drawn: those that are also shown, the attributes of
+    their geoms, and what only the MJCF keeps of these.
     """
 
     def __init__(self, links: Links) -> None:
@@ -96,7 +88,8 @@ class Geoms:
         self.looks = {m.get("name"): m for m in root.iterfind("asset/material")}
         self.pictures = {t.get("name"): t for t in root.iterfind("asset/texture")}
         self.meshes = {m.get("name"): m for m in root.iterfind("asset/mesh")}
-        self.drawn: set[str] = set()
+        self.drawn: list[tuple[SourceShape, dict[str, str], dict[str, str]]] = []
+        self.visual_groups: set[str] = set()
 
     def read(self, geom: Element, body: str) -> None:
         """Take one over, from a body of the robot."""
@@ -125,17 +118,47 @@ class Geoms:
             X_link_geom = self.links.in_link(body, self.source.pose_of("geom", name))
             geometry = _primitive(kind, vec3(self.model.geom_size[index]))
         material = self._material(attributes, index) if role == "visual" else None
-        self.shapes.append(SourceShape(name, body, role, geometry, X_link_geom, material))
-        if touches:
+        shape = SourceShape(name, body, role, geometry, X_link_geom, material)
+        self.shapes.append(shape)
+        more, group = leftover(attributes, SAID), attributes.get("group", "0")
+        if group != GROUPS[role]:
+            more["group"] = group
+        if role == "visual":
+            self.visual_groups.add(group)
+        else:
             self.contacts[name] = contact_of(self.model, index)
-            if int(attributes.get("group", "0")) < 3:
-                self.drawn.add(name)
-        more = leftover(attributes, SAID)
-        if attributes.get("group", "0") != GROUPS[role]:
-            more["group"] = attributes.get("group", "0")
-        if role == "collision" and ("rgba" in attributes or "material" in attributes):
-            more["rgba"] = words(self._colour(index))
+            if "rgba" in attributes or "material" in attributes:
+                more["rgba"] = words(self._colour(index))
+            if int(group) < 3 and self._colour(index)[3] > 0.0:
+                self.drawn.append((shape, attributes, more))
+                return
         self.links.keep("shape", "geom", more, name)
+
+    def draw(self) -> Iterator[Finding]:
+        """Give what collides and is drawn a visual shape, too, unless the source has others for it.
+
+        Converters write the visual meshes of a link in a group of their own, beside collision
+        shapes that MuJoCo draws because nothing hides them.
+        """
+        seen = {shape.link for shape in self.shapes if shape.role == "visual"}
+        names, left = {shape.name for shape in self.shapes}, list[str]()
+        for shape, attributes, more in self.drawn:
+            if shape.link in seen and attributes.get("group", "0") not in self.visual_groups:
+                left.append(shape.name)
+            else:
+                look = self._material(attributes, self.source.id_of("geom", shape.name))
+                name = free_name(f"{shape.name}_visual", names)
+                self.shapes.append(replace(shape, name=name, role="visual", material=look))
+                more = {key: value for key, value in more.items() if key not in ("group", "rgba")}
+            self.links.keep("shape", "geom", more, shape.name)
+        if both := [shape.name for shape, _, _ in self.drawn if shape.name not in left]:
+            message = f"{len(both)} geoms collide and are drawn: {quoted(both, 6)}; each became a "
+            message += "visual and a collision shape"
+            yield VISIBLE_COLLISION("robot", message, data={"geoms": len(both)})
+        if left:
+            message = f"{len(left)} geoms collide and are drawn beside visual ones of their links: "
+            message += f"{quoted(left, 6)}; in URDF and USD they only collide"
+            yield VISIBLE_COLLISION("robot", message, data={"geoms": len(left)})
 
     def _only_mjcf(self, geom: Element, attributes: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
