@@ -49,7 +49,7 @@ def propose(
     description that no recipe can save.
     """
     _refuse_what_is_no_description(file)
-    if is_mjcf(file, read_small_file(file, SourceError)):
+    if is_mjcf(read_small_file(file, SourceError)):
         mjcf = find_mjcf(file)
         path = out or Path(f"{recipe_name(mjcf.robot.links.name)}.yaml")
         return mjcf_recipe(mjcf, path)

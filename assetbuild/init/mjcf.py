@@ -65,10 +65,10 @@ class MjcfSource:
     newer: tuple[str, ...] = ()
 
 
-def is_mjcf(file: Path, data: bytes) -> bool:
-    """Tell it by its root element; an XML that is something else is left to others."""
-    start = data[:4096].lstrip()
-    return file.suffix.lower() == ".xml" and b"<mujoco" in start and b"<robot" not in start
+def is_mjcf(data: bytes) -> bool:
+    """Tell it by its root element, whatever its name; what is something else is left to others."""
+    start = data[:4096]
+    return b"<mujoco" in start and b"<robot" not in start
 
 
 def find_mjcf(file: Path) -> MjcfSource:
@@ -94,7 +94,7 @@ def find_mjcf(file: Path) -> MjcfSource:
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
     """The build's own steps, run on the spot."""
     with scratch() as ports:
-        beside = sorted((root / name).parent.rglob("*.xml"))  # what may be an include
+        beside = [root / name, *sorted((root / name).parent.rglob("*.xml"))]  # may be an include
         files = [path for path in beside if is_file(path) and path.stat().st_size <= MAX_BYTES]
         while files:
             for path in files:

@@ -50,6 +50,7 @@ from assetbuild.source.urdf.expand_xacro import (
     ExpandXacro,
 )
 from assetbuild.source.urdf.joints import KINDS
+from assetbuild.source.urdf.links import FORMATS
 from assetbuild.source.urdf.xml import XACRO, Node, parse, read_xml
 
 
@@ -308,7 +309,8 @@ def _refused(
     first, others = absent[0], [mesh["path"] for mesh in absent[1:]]
     near = (source.root / first["path"]).parent
     beside = sorted(near.iterdir()) if near.is_dir() else ()
-    names = [str(PurePosixPath(first["path"]).parent / file.name) for file in beside]
+    meshes = [file.name for file in beside if file.suffix[1:].lower() in FORMATS]
+    names = [str(PurePosixPath(first["path"]).parent / name) for name in meshes]
     close = nearest(first["path"], set(names) - set(named))
     lack, meant = lacking(source.root, first["path"])
     more = f" (and {len(others)} more: {quoted(others, 3)})" if others else ""

@@ -26,6 +26,14 @@ def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
     assert not recipe.actuators
 
 
+@pytest.mark.parametrize("name", ["arm.mjcf", "arm.XML", "arm"])
+def test_it_is_known_by_its_root_element_whatever_its_name(name: str, tmp_path: Path):
+    (tmp_path / name).write_text(LEG.replace("../meshes", "."))
+    (tmp_path / "a.obj").write_text(TET)
+    assert proposed(tmp_path / name, tmp_path).recipe.source.mjcf == name
+    assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
+
+
 @pytest.mark.parametrize("name", ["scene", "scene_mjx"])
 def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_folder(
     tmp_path: Path, name: str

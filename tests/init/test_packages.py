@@ -337,6 +337,16 @@ def test_a_visual_mesh_in_a_sister_folder_is_named_beside_what_is_missing(tmp_pa
     assert hint in (tmp_path / "arm.yaml").read_text()
 
 
+@pytest.mark.parametrize(
+    ("beside", "hint"), [("palm.part", "clone all of it"), ("palms.obj", "`palms.obj`")]
+)
+def test_only_a_mesh_is_proposed_for_a_mesh_that_is_missing(beside: str, hint: str, tmp_path: Path):
+    lay(tmp_path, {"rob/arm.urdf": arm("palm.obj"), f"rob/{beside}": OBJ})
+    with pytest.raises(SourceError) as caught:
+        proposed(tmp_path, "rob/arm.urdf")
+    assert hint in caught.value.hint
+
+
 def test_a_build_without_init_says_how_the_file_is_called(tmp_path: Path):
     folder = lay(tmp_path, {"rob/arm.urdf": arm("my%20a.obj"), "rob/my a.obj": OBJ})
     proposed(folder, "rob/arm.urdf")

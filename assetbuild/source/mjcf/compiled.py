@@ -20,6 +20,7 @@ from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, caught_warnings, mj
 from assetbuild.source.mjcf.text import (
+    FROM_OUTSIDE,
     Classes,
     Element,
     error_at,
@@ -150,8 +151,11 @@ def _refusal(message: str, text: str, root: Element) -> SourceError:
         if int(match[1]) in lines:
             where = where_of(list(root.iter("*"))[lines.index(int(match[1]))])
         words = _LINE.sub("", words)
-    hint = "if another file includes this one and defines it, build that file"
-    hint = hint if "not found" in words else ""
+    hint = FROM_OUTSIDE if "not found" in words else ""
+    if "unrecognized" in words:
+        hint = (
+            f"correct its spelling; or remove it, where MuJoCo {mj.__version__} no longer knows it"
+        )
     return SourceError(f"MuJoCo does not compile it: {words}", where=where, hint=hint)
 
 

@@ -14,6 +14,8 @@ from assetbuild.xml_text import Element as Element
 AT = "_at"
 """Attribute that carries `file:line` of an element while it is worked on."""
 WORLD = "world"
+FROM_OUTSIDE = "if another file includes this one and defines it, build that file"
+"""Hint for what a file names and does not hold."""
 SPATIAL = ("body", "frame")
 OF_BODIES = frozenset(("worldbody", "body", "frame", "replicate"))
 _DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", "freejoint": None}
@@ -157,7 +159,7 @@ class Classes:
         around = (one.get("childclass") for one in element.iterancestors(*SPATIAL))
         name = element.get("class") or next(filter(None, around), "main")
         if name not in self._stated:
-            raise error_at(element, f"no default class `{name}`")
+            raise error_at(element, f"no default class `{name}`", FROM_OUTSIDE)
         defaults = self._stated[name].get(default_tag, {}) if default_tag else {}
         stated = own_attributes(element).items()
         return defaults | {key: value for key, value in stated if key not in ("class", "name")}
