@@ -246,12 +246,20 @@ def test_one_look_under_two_names_and_two_under_one(tmp_path: Path):
     assert reading.rules() == ["urdf.material.conflict"]
 
 
-def test_colours_out_of_255_are_cut_and_told(tmp_path: Path):
-    reading = read(
-        robot('<material name="m"><color rgba="255 0 0 1"/></material><link name="a"/>'), tmp_path
-    )
-    assert reading.shapes.materials[0].rgba == (1.0, 0.0, 0.0, 1.0)
-    assert reading.rules() == ["urdf.material.range"]
+@pytest.mark.parametrize(
+    ("stated", "taken", "rule"),
+    [
+        ("255 0 0 1", (1.0, 0.0, 0.0, 1.0), "urdf.material.range"),
+        ("1 0 0 0", (1.0, 0.0, 0.0, 0.0), "urdf.material.transparent"),
+    ],
+)
+def test_a_colour_that_is_cut_or_not_seen_is_told(
+    stated: str, taken: tuple[float, ...], rule: str, tmp_path: Path
+):
+    look = f'<material name="m"><color rgba="{stated}"/></material>'
+    reading = read(robot(f'{look}<link name="a"/>'), tmp_path)
+    assert reading.shapes.materials[0].rgba == taken
+    assert reading.rules() == [rule]
 
 
 def test_textures_are_paths_of_the_source(tmp_path: Path):

@@ -51,6 +51,12 @@ COLOUR_RANGE = Rule(
     "a colour was clipped to 0..1",
     "write colours as fractions of 1, not of 255",
 )
+TRANSPARENT = Rule(
+    "urdf.material.transparent",
+    "warning",
+    "a colour has an alpha of 0: nothing is seen of the shapes that wear it",
+    "the fourth number of `rgba` is 1 for what is solid",
+)
 
 
 MeshUse = dict[str, str | int]
@@ -223,4 +229,7 @@ def _rgba(name: str, color: Node) -> Rgba:
     if stated != (r, g, b, a):
         message = f"rgba `{color.get('rgba')}` was cut to 0..1"
         color.about(f"material {name}").report(COLOUR_RANGE, message, data={"rgba": stated})
+    if a == 0.0:
+        message = f"rgba `{color.get('rgba')}`: nothing is seen of its shapes"
+        color.about(f"material {name}").report(TRANSPARENT, message, data={"rgba": stated})
     return (r, g, b, a)
