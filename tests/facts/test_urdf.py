@@ -13,7 +13,7 @@ from PIL import Image
 from random_robots import examples
 from random_robots import robots as random_robots
 from robot_files import check_inputs, run_step, write_robot_ports
-from tiny import TinyRobot, tiny_quadruped
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision, differences
@@ -66,6 +66,14 @@ def test_what_we_write_is_the_robot(tmp_path: Path):
     shapes = replace(robot.shapes, shapes=(*robot.shapes.shapes, ball))
     assert proved(written(replace(robot, shapes=shapes), tmp_path / "in")) == []
     assert '"facts": 0' not in (tmp_path / "out/figures.json").read_text()
+
+
+def test_damping_that_locks_a_joint_is_no_unlimited_one(tmp_path: Path):
+    """MJCFs lock slides under a robot by a damping of 1e11; 1e9 is no limit of effort alone."""
+    robot = pendulum()
+    drive = replace(robot.control.actuators[0], damping=1e11)
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    assert proved(written(robot, tmp_path / "in")) == []
 
 
 @settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -304,7 +304,7 @@ def _motion(joint: _Element, kind: str) -> Iterator[tuple[str, Value]]:
         for name in names if kind in TYPES else ():
             value = _number(element, name)
             if value is not None:
-                yield name, _bound(value)
+                yield name, _bound(value) if element is limit else value
 
 
 def _bound(value: float) -> float | None:
