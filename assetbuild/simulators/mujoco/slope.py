@@ -19,9 +19,9 @@ from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import read_drives
 from assetbuild.simulators.mujoco.trials import support
 
-WATCH_S = 2.0
+WATCH_S = 1.0
 LEVEL = (0.5, 0.0, 0.0)
-TILTING = (LEVEL, (0.5, 0.0, 1.0), (1.0, 1.0, 1.0))
+TILTING = (LEVEL, (0.5, 0.0, 1.0), (2.0, 1.0, 1.0))
 """Seconds, and the slope at their start and end as a share of the angle: it stands on level ground,
 the ground tilts, and what swings comes to rest; then it is watched."""
 SHARE = 0.8
