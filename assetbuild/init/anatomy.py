@@ -217,7 +217,8 @@ def _legs(robot: InspectedRobot, limbs: list[Leg], height: float) -> tuple[Leg, 
 def _called_legs(limbs: list[Leg], robot: str) -> tuple[Leg, ...]:
     """Four limbs or more that are called legs, or of a hexapod, wherever they point at zero."""
     walks, able = _WALKER.fullmatch(robot), [limb for limb in limbs if _can_walk(limb)]
-    return _alike([leg for leg in able if walks or _LEG.fullmatch(leg.joints[-1].child)], 4)
+    called = (any(map(_LEG.fullmatch, (leg.foot, leg.joints[-1].child))) for leg in able)
+    return _alike([leg for leg, named in zip(able, called, strict=True) if walks or named], 4)
 
 
 def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:

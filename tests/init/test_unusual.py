@@ -200,6 +200,18 @@ def test_a_hexapod_walks_whatever_its_links_are_called(tmp_path: Path):
     assert "base: floating   # link_2_0, link_2_1" in text
 
 
+@pytest.mark.parametrize(("end", "base"), [("toe", "floating"), ("tip", "fixed")])
+def test_what_ends_in_feet_by_their_names_walks(end: str, base: str, tmp_path: Path):
+    """Spirit 40: its upper and lower links lie level at 0, and carry toes on fixed joints."""
+    limbs = _walker(last="revolute", down=0.0, names=("upper", "lower"))
+    for i in range(4):
+        foot = urdfs.link(f"{end}_{i}") + urdfs.joint(
+            f"{end}_joint_{i}", f"lower_{i}", f"{end}_{i}", "fixed", "", xyz="0 0.2 0"
+        )
+        limbs = limbs.replace("</robot>", f"{foot}</robot>")
+    assert proposed(limbs, tmp_path).recipe.base == base
+
+
 def test_a_floating_joint_below_an_empty_root_is_a_floating_base(tmp_path: Path):
     free = joint("f", "world", "base", "floating", "")
     arm = link("world", ""), link("base"), link("arm"), free, joint("j", "base", "arm")
