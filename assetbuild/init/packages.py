@@ -135,6 +135,8 @@ def lacking(root: Path, path: str) -> tuple[str, str]:
         if files := [at / one for at, one in walked if one.lower() == name.lower()]:
             others = f", and {len(files) - 1} more of that name" if len(files) > 1 else ""
             return lack, f"is `{files[0].relative_to(root).as_posix()}` meant{others}?"
+        if declared(top):
+            break  # what another package calls alike is another robot's
     return lack, ""
 
 

@@ -347,6 +347,20 @@ def test_only_a_mesh_is_proposed_for_a_mesh_that_is_missing(beside: str, hint: s
     assert hint in caught.value.hint
 
 
+def test_what_another_package_calls_alike_is_not_proposed(tmp_path: Path):
+    files = {
+        "rob/arm.urdf": arm(
+            *(f"package://{mesh}.obj" for mesh in ("rob/meshes/a", "rob/meshes/c", "bob/meshes/b"))
+        ),
+        "rob/package.xml": "<package><name>rob</name></package>",
+        "bob/package.xml": "<package><name>bob</name></package>",
+        **dict.fromkeys(("rob/meshes/c.obj", "bob/meshes/a.obj", "bob/meshes/b.obj"), OBJ),
+    }
+    source = proposed(lay(tmp_path, files), "rob/arm.urdf")
+    assert source["missing"] == {"visuals": ["rob/meshes/a.obj"]}
+    assert "bob/meshes/a.obj" not in (tmp_path / "arm.yaml").read_text()
+
+
 def test_a_build_without_init_says_how_the_file_is_called(tmp_path: Path):
     folder = lay(tmp_path, {"rob/arm.urdf": arm("my%20a.obj"), "rob/my a.obj": OBJ})
     proposed(folder, "rob/arm.urdf")
