@@ -158,6 +158,7 @@ BAD = {
     "joint type": (_arm(_joint(kind="revolut")), 3, "hint: did you mean `revolute`?"),
     "no parent": (_arm('<joint name="j" type="fixed"><child link="b"/></joint>'), 3, "joint j: <joint> without <parent>"),
     "no child": (_arm('<joint name="j" type="fixed"><parent link="a"/></joint>'), 3, "joint j: <joint> without <child>"),
+    "no world": (_arm(_joint().replace('parent link="a"', 'parent link="world"')), 3, "parent link `world` does not exist\nhint: add `<link name=\"world\"/>`"),
     "no such link": (_arm(_joint().replace('child link="b"', 'child link="bb"')), 3, "joint j: child link `bb` does not exist"),
     "own parent": (_arm(_joint().replace('child link="b"', 'child link="a"')), 3, "the same link `a`"),
     "two parents": (_arm(_joint() + "\n" + _joint(name="k")), 4, "joint k: link `b` already hangs on joint `j`"),

@@ -139,7 +139,10 @@ def _circle(start: str, above: Mapping[str, str]) -> list[str]:
 def _link(node: Node, links: Mapping[str, Node]) -> str:
     name = node.text("link")
     if name not in links:
-        raise node.error(f"{node.tag} link `{name}` does not exist", did_you_mean(name, links))
+        hint = did_you_mean(name, links)
+        if name == "world":
+            hint = 'add `<link name="world"/>`: Drake alone takes it for granted'
+        raise node.error(f"{node.tag} link `{name}` does not exist", hint)
     return name
 
 
