@@ -70,7 +70,12 @@ def read_joint(name: str, node: Node, joint_names: set[str], links: Mapping[str,
     """One joint; its parent and child must be in `links`, a mimicked joint in `joint_names`."""
     kind = node.text("type")
     if kind not in KINDS:
-        raise node.error(f"unknown joint type `{kind}`", did_you_mean(kind, KINDS))
+        hint = did_you_mean(kind, KINDS)
+        if kind == "spherical":
+            hint = (
+                "PyBullet's ball joint: URDF has three `revolute` ones with links between instead"
+            )
+        raise node.error(f"unknown joint type `{kind}`", hint)
     parent, child = (_link(node.need(tag), links) for tag in ("parent", "child"))
     if parent == child:
         raise node.error(f"parent and child are the same link `{child}`")
