@@ -312,6 +312,12 @@ def test_what_is_left_out_is_told(arm: Reading):
     assert {"mjcf.visible_collision", "mjcf.order"} <= arm.rules()
 
 
+def test_terrain_of_many_boxes_is_one_finding(tmp_path: Path):
+    text = robot('<geom type="box" size="1 1 .1"/>' * 9 + '<body name="a"><geom size=".1"/></body>')
+    (lost,) = (f for f in read(text, tmp_path).findings if f.rule == "mjcf.dropped")
+    assert lost.message.startswith("9 geoms of the world were left out, each a box: ")
+
+
 # --- files and scenes -----------------------------------------------------------------------
 
 

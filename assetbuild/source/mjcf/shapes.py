@@ -53,18 +53,23 @@ VISIBLE_COLLISION = Rule(
 def read_geoms(links: Links) -> Geoms:
     """All geoms of the robot; those of the world only where the world is its root."""
     geoms = Geoms(links)
+    scenery: dict[str, list[str]] = {}
     for body, name in links.source.bodies:
         for geom in parts(body, "geom"):
             if name in links.shift:
                 geoms.read(geom, name)
             elif name == WORLD:
                 kind = geoms.classes.attributes(geom).get("type", "sphere")
-                what = f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery"
-                hint = "`scene.xml` has a floor of its own; a part of the robot belongs into a body"
-                severity: Severity = "info" if kind == "plane" else "warning"
-                subject = f"shape {geom.get('name')}"
-                lost = dropped("geom of worldbody", subject, what, hint, severity)
-                links.findings.append(lost)
+                scenery.setdefault(kind, []).append(str(geom.get("name")))
+    for kind, names in scenery.items():
+        what = f"the {kind} {quoted(names, 6)} of the world was left out: it is scenery"
+        if len(names) > 1:
+            what = f"{len(names)} geoms of the world were left out, each a {kind}: "
+            what += f"{quoted(names, 6)}; they are scenery"
+        hint = "`scene.xml` has a floor of its own; a part of the robot belongs into a body"
+        severity: Severity = "info" if kind == "plane" else "warning"
+        lost = dropped("geom of worldbody", f"shape {names[0]}", what, hint, severity)
+        links.findings.append(lost)
     links.findings += geoms.draw()
     worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
     geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
