@@ -187,6 +187,10 @@ LOCKED = """<mujoco><worldbody><body><geom size=".1"/><body pos="0 0 .2">
   <equality><joint joint1="turn" polycoef=".1 0 0 0 0"/></equality></mujoco>"""
 BOUND = """<mujoco><compiler boundmass=".01" boundinertia=".0001"/><worldbody>
   <body name="arm" pos="0 0 1"><joint name="turn"/><geom size=".1"/></body></worldbody></mujoco>"""
+FISH = """<mujoco><option density="1000"/><worldbody><body name="a"><freejoint/>
+  <geom name="g" type="ellipsoid" size=".1 .05 .03"/><body name="fin"><joint name="flap"/>
+  <geom name="f" type="box" size=".05 .02 .01" fluidshape="ellipsoid"/></body></body></worldbody>
+</mujoco>"""
 FACES = TET.split("f ")
 PAINTED = FACES[0] + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face in FACES[1:])
 """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
@@ -213,6 +217,7 @@ SAME = {
     "what brakes a free joint": (BUOY, TET),
     "a joint that an equality locks beside its `ref`": (LOCKED, TET),
     "the world, to which the compiler would give a least mass": (BOUND, TET),
+    "a fin that collides, is drawn and is braked by the water": (FISH, TET),
     "three joints of a base that weighs by its fixed bodies alone": (CART, TET),
 }
 

@@ -281,7 +281,7 @@ def _drawn_apart(facts: Facts, ours: Facts) -> Facts:
             apart |= {key: GREY, twin: value}
         elif key.quantity in ("contype", "conaffinity"):
             apart[twin] = 0.0
-        elif key.quantity not in SURFACE:
+        elif key.quantity not in SURFACE and not key.is_foreign:
             apart[twin] = value
     return apart
 
