@@ -243,7 +243,8 @@ def _finish(job: _Job, done: Settled[Outline], session: Session, request: Reques
     """Report and bundle of one recipe, if all its steps went well."""
     loaded, out, results = job.loaded, job.out, done.results
     outcome = Outcome(loaded, 0, results)
-    outcome.errors = tuple(failures(loaded, done, session))
+    # Once, where a picture and a target refuse the same.
+    outcome.errors = tuple({str(each): each for each in failures(loaded, done, session)}.values())
     if not done.whole or any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
