@@ -161,7 +161,7 @@ MEDIUM = ("wind", "density", "viscosity", "magnetic")
 FLAGS = ("actuation", "clampctrl", "constraint", "contact", "damper", "equality", "frictionloss",
          "limit", "spring")  # fmt: skip
 """Flags of `<option>` that switch off something that every other format has."""
-_BRAKES = ("damping", "armature", "frictionloss")
+_BRAKES = ("damping", "armature", "frictionloss", "stiffness")
 
 
 def lost_motion(items: Iterable[MjcfOnly]) -> dict[str, tuple[str, ...]]:

@@ -171,11 +171,12 @@ CLOSE = """<mujoco><worldbody><body><joint/>
 WEIGHTLESS = FLOATING.replace(
     "<asset>", '<option><flag gravity="disable" contact="disable"/></option><asset>', 1
 )
-BUOY = """<mujoco><default><joint damping=".5" armature=".1" margin=".01"/></default><worldbody>
+BUOY = """<mujoco><default><joint damping=".5" armature=".1" margin=".01" stiffness="2"/></default>
+  <worldbody>
   <body pos="0 0 1"><joint type="free" frictionloss=".2"/><geom size=".1"/>
     <body><joint axis="0 1 0"/><geom size=".05" pos="0 0 .2"/></body></body>
 </worldbody></mujoco>"""
-"""A class gives a free joint damping and armature as it does hinges; its margin means nothing."""
+"""A class gives a free joint damping and a spring as it does hinges; its margin means nothing."""
 CART = """<mujoco><worldbody>
   <body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
     axis="0 1 0"/><joint name="turn"/>

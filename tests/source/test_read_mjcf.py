@@ -356,11 +356,12 @@ def test_the_recipe_chooses_among_several_robots_in_one_world(tmp_path: Path):
 
 
 def test_replicated_bodies_are_written_out_exactly_with_what_refers_to_them(tmp_path: Path):
-    head = '<compiler angle="radian"/>'
-    body = '<body name="hub"><geom size=".1"/>\n<replicate count="3" euler="0 0 2.0943951023931953">\n<body name="r" pos=".3 0 0"><joint name="j"/><geom size=".01"/></body></replicate></body>'
+    head = '<compiler angle="radian" fusestatic="true"/>'
+    body = '<body name="hub"><geom size=".1"/>\n<replicate count="3" euler="0 0 2.0943951023931953">\n<body name="r" pos=".3 0 0"><joint name="j"/><geom size=".01"/></body></replicate><body name="rim"><geom size=".1"/></body></body>'
     more = '<actuator>\n<motor name="m" joint="j"/></actuator>'
     reading = read(robot(body, more, head), tmp_path)
     assert [j.name for j in reading.links.moving_joints] == ["j0", "j1", "j2"]
+    assert "rim" in {body.name for body in reading.links.bodies}, "MuJoCo would merge it"
     poses = forward_kinematics(reading.links, {})
     assert poses["r1"].xyz == pytest.approx((-0.15, 0.3 * math.sqrt(0.75), 0.0), abs=1e-15)
     assert [a.name for a in reading.control.actuators] == ["m0", "m1", "m2"]

@@ -177,9 +177,6 @@ def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # 
                 parent.remove(child)
         if parent.tag in ("material", "light"):
             parent.attrib.pop("texture", None)
-        if parent.tag == "compiler":
-            parent.attrib.pop("discardvisual", None)
-            parent.attrib.pop("fusestatic", None)
     world = root.find("worldbody")
     if tree.root == "world" and world is not None:
         whole = ElementTree.Element("body", {"name": mujoco.body_names(tree)["world"]})

@@ -170,9 +170,6 @@ def plain(root: Element) -> Element:
     for geom in of_bodies(bare, "geom"):
         if classes.attributes(geom).get("type") == "hfield":
             remove(geom)
-    for compiler in bare.iterchildren("compiler"):
-        compiler.attrib.pop("discardvisual", "")
-        compiler.attrib.pop("fusestatic", "")
     return bare
 
 

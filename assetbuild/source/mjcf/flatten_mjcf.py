@@ -200,6 +200,8 @@ def _resolved(root: Element) -> Element:
         for key in ("assetdir", "meshdir", "texturedir", "strippath"):
             if key in compiler.attrib:
                 settings[key] = str(compiler.attrib.pop(key))
+        for key in ("discardvisual", "fusestatic"):  # nothing is dropped or merged here
+            compiler.attrib.pop(key, "")
     shared = settings.get("assetdir", "")
     folders = {
         "mesh": settings.get("meshdir", shared),

@@ -192,7 +192,7 @@ def _keep_root(links: Links) -> None:
         joint = links.source.entry("joint", links.free_joint)
         brakes = {
             key: words((value,))
-            for key in ("damping", "armature", "frictionloss")
+            for key in ("damping", "armature", "frictionloss", "stiffness")
             if (value := float(getattr(joint, key)[0]))
         }
         links.keep("freejoint", "freejoint", {"name": links.free_joint, **brakes})
