@@ -18,6 +18,9 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Control
 from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck, drop
 
+LEAST_M = 0.01
+"""What falls by less, as without gravity, is judged as if it fell so far: steps round forces."""
+
 
 class Fall(Model):
     """Dropped without contact and drives; null = do not run it."""
@@ -101,19 +104,18 @@ class FreeFallCheck(SimulatorCheck):
             hint = "look for tiny inertias and for a large timestep"
             yield self.wrong("robot", message, severity="error", hint=hint)
             return
-        tolerance = self.wish.tolerance
-        limits = {"relative_error": tolerance, "sideways_m": tolerance * max(fall.expected_m, 1e-6)}
+        tolerance, scale = self.wish.tolerance, max(fall.expected_m, LEAST_M)
+        limits = {"relative_error": tolerance, "sideways_m": tolerance * scale}
         more = {"iterations": self.iterations} if self.iterations > 1 else {}
         figures = {**asdict(fall), "relative_error": fall.relative_error, **more}
         write_figures(files, figures, limits)
-        # Compared as lengths, so that without gravity nothing may move at all.
         error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
-        if error > tolerance * fall.expected_m + self.rounding:
+        if error > tolerance * scale + self.rounding:
             yield self.wrong(
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
-                severity="error" if error > self.wish.error_limit * fall.expected_m else "warning",
+                severity="error" if error > self.wish.error_limit * scale else "warning",
                 hint="is a part fixed to the world, damped, or free of gravity?",
                 data={
                     "drop_m": fall.drop_m,

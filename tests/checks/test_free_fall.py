@@ -73,6 +73,17 @@ def test_weight_that_the_source_compensates_does_not_pull(
     assert figures["drop_m"] == pytest.approx(share * 9.81 / 2 * 0.4 * (0.4 + extra), rel=1e-3)
 
 
+def test_springs_without_gravity_may_shake_it_by_what_steps_round(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    calm = replace(robot.control, simulation=Simulation(gravity=(0.0, 0.0, 0.0)))
+    inputs = built(replace(robot, control=calm), tmp_path, FreeFall)
+    file, joint = inputs / "mjcf/robot.xml", '<joint name="FR_calf_joint"'
+    file.write_text(file.read_text().replace(joint, f'{joint} stiffness="0.1" springref="1"'))
+    assert run_step(FreeFall(robot="robot"), inputs, tmp_path / "out") == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    assert abs(figures["drop_m"]) > 1e-9
+
+
 WELDED = {
     '<freejoint name="floating_base_joint"/>': "",
     "<keyframe>": "<!--",
