@@ -180,7 +180,8 @@ class Pair:
             at, there = self.source.actuator_actadr[a], self.result.actuator_actadr[b]
             width = max(int(self.source.actuator_actnum[a]), 0)
             if width:
-                self.other.act[there : there + width] = self.one.act[at : at + width]
+                act = self.one.act[at : at + width] - self.shifts[a]
+                self.other.act[there : there + width] = act
 
     def positions(self) -> Iterator[tuple[Numbers, Numbers]]:
         """Yield each joint's position in the source, counted from its rest, and in the result."""
