@@ -167,8 +167,8 @@ class Pair:
         of_joint = int(source.actuator_trntype[drive]) in OF_JOINTS
         stiffness = float(source.actuator_biasprm[drive, 1])
         holds = stiffness != 0.0 and stiffness == -float(source.actuator_gainprm[drive, 0])
-        if not (of_joint and holds):  # of other laws our MJCF has another constant force
-            return 0.0
+        if not (of_joint and holds) or int(source.actuator_dyntype[drive]):
+            return 0.0  # of such laws our MJCF has another constant force
         rest = self.rests.get(int(source.actuator_trnid[drive, 0]), 0.0)
         return rest * float(source.actuator_gear[drive, 0])
 
@@ -180,8 +180,7 @@ class Pair:
             at, there = self.source.actuator_actadr[a], self.result.actuator_actadr[b]
             width = max(int(self.source.actuator_actnum[a]), 0)
             if width:
-                act = self.one.act[at : at + width] - self.shifts[a]
-                self.other.act[there : there + width] = act
+                self.other.act[there : there + width] = self.one.act[at : at + width]
 
     def positions(self) -> Iterator[tuple[Numbers, Numbers]]:
         """Yield each joint's position in the source, counted from its rest, and in the result."""
