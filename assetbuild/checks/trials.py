@@ -129,9 +129,8 @@ NOTHING_TOUCHES = Rule(
     "trials.nothing_touches",
     "warning",
     "the robot floats and none of its shapes can touch a floor, so it is not ready",
-    "give it collision shapes, whose `contype` or `conaffinity` meets a floor's 1; where it never "
-    "lands, state that in `rules: "
-    '{trials.nothing_touches: {severity: info, because: "..."}}`',
+    "give it collision shapes, whose `contype` or `conaffinity` meets a floor's 1; one that never "
+    'lands states it: `rules: {trials.nothing_touches: {severity: info, because: "..."}}`',
     blocks=True,
 )
 SHAKEN = Rule(
@@ -258,7 +257,7 @@ class Trials(mujoco.InMujoco):
                 yield DEAD(
                     f"actuator {joint}",
                     f"commanded to swing by {asked:.3g}, moved by {moved:.3g} "
-                    f"{_unit(model, joint)}{origin}",
+                    f"{experiments.unit_of(model, joint)}{origin}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": asked, "moved": moved},
                 )
@@ -280,7 +279,7 @@ class Trials(mujoco.InMujoco):
             yield TIMESTEP(
                 f"actuator {worst}",
                 f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} "
-                f"{_unit(model, worst)} (limit {self.timestep:g})",
+                f"{experiments.unit_of(model, worst)} (limit {self.timestep:g})",
                 data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
             )
 
@@ -399,7 +398,3 @@ class Trials(mujoco.InMujoco):
 
 def _or_unstable(value: float) -> float | str:
     return value if math.isfinite(value) else "unstable"
-
-
-def _unit(model: Model, joint: str) -> str:
-    return "m" if model.joint(joint).type[0] == mujoco.mj.mjtJoint.mjJNT_SLIDE else "rad"

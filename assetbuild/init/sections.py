@@ -22,8 +22,9 @@ from assetbuild.init.collision import (
 from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some, with_remedy
 from assetbuild.init.drives import GAINS, STEP_S, DriveRow
 from assetbuild.init.home import Pair, made_so
+from assetbuild.init.licence import stated_licence
 from assetbuild.init.look import InspectedRobot, put_up_axis, turned, usual_targets
-from assetbuild.init.packages import lacking, stated_licence
+from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, resting

@@ -190,15 +190,17 @@ def failures(
     loaded: LoadedRecipe, done: Settled[Outline], session: Session
 ) -> Iterator[AssetBuildError]:
     """The errors of the steps, with the name and place of what each worked on."""
-    for label, result in done.results.items():
-        if result.error is not None:
-            message, subject = result.error.message, done.outline.subjects.get(label, "")
-            where = (
-                _where_of(loaded, done.outline, label)
-                or _where_named(loaded, message)
-                or _where_in_source(message, locator(loaded, done, session))
-            )
-            yield _located(result.error, subject, where)
+    failed = {label: result.error for label, result in done.results.items() if result.error}
+    if not failed:
+        return
+    locate = locator(loaded, done, session)
+    for label, error in failed.items():
+        where = (
+            _where_of(loaded, done.outline, label)
+            or _where_named(loaded, error.message)
+            or _where_in_source(error.message, locate)
+        )
+        yield _located(error, done.outline.subjects.get(label, ""), where)
 
 
 def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
@@ -226,6 +228,7 @@ def _where_named(loaded: LoadedRecipe, message: str) -> Where | None:
 
 
 _THING = re.compile(r"(joint|link) (?:`([^`]+)`|([^:]+):)")
+"""As errors of steps begin: ``joint `j` is ...``, `link a: ...`."""
 
 
 def _where_in_source(message: str, locate: Callable[[str], str]) -> Where | None:

@@ -19,7 +19,8 @@ from assetbuild.robot.model import Control
 from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck, drop
 
 LEAST_M = 0.01
-"""What falls by less, as without gravity, is judged as if it fell so far: steps round forces."""
+"""A smaller drop, as without gravity, is judged as one of this size: the joints' forces shake the
+centre of mass by what the steps round."""
 
 
 class Fall(Model):
@@ -44,7 +45,12 @@ class FreeFall:
     @property
     def relative_error(self) -> float:
         """The error of the drop, relative to the expected one."""
-        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
+        return abs(self.drop_m - self.expected_m) / self.scale_m
+
+    @property
+    def scale_m(self) -> float:
+        """What errors are compared with."""
+        return max(self.expected_m, LEAST_M)
 
 
 def fall_of(
@@ -104,7 +110,7 @@ class FreeFallCheck(SimulatorCheck):
             hint = "look for tiny inertias and for a large timestep"
             yield self.wrong("robot", message, severity="error", hint=hint)
             return
-        tolerance, scale = self.wish.tolerance, max(fall.expected_m, LEAST_M)
+        tolerance, scale = self.wish.tolerance, fall.scale_m
         limits = {"relative_error": tolerance, "sideways_m": tolerance * scale}
         more = {"iterations": self.iterations} if self.iterations > 1 else {}
         figures = {**asdict(fall), "relative_error": fall.relative_error, **more}

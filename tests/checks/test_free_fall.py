@@ -82,6 +82,7 @@ def test_springs_without_gravity_may_shake_it_by_what_steps_round(tmp_path: Path
     assert run_step(FreeFall(robot="robot"), inputs, tmp_path / "out") == []
     figures = json.loads((tmp_path / "out/figures.json").read_text())
     assert abs(figures["drop_m"]) > 1e-9
+    assert figures["relative_error"] < 0.003
 
 
 WELDED = {

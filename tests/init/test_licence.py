@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.draft import Draft
-from assetbuild.init.packages import stated_licence
+from assetbuild.init.licence import stated_licence
 from assetbuild.init.sections import put_licence
 
 MIT = "MIT License\n\nPermission is hereby granted, free of charge, to any person obtaining a copy"

@@ -310,3 +310,8 @@ def settle(
         drift = math.dist(place, np.array(data.xpos[1]))
     values = (float(speed), float(depth), drift)
     return dict(zip(SETTLED, values, strict=True)) if mujoco.is_finite(data) else None
+
+
+def unit_of(model: Model, joint: str) -> str:
+    """`m` of a joint that slides, `rad` of one that turns."""
+    return "m" if model.joint(joint).type[0] == mj.mjtJoint.mjJNT_SLIDE else "rad"
