@@ -210,7 +210,7 @@ def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:
     if item.place == "option":
         yield from _of_option(element)
     if item.place == "freejoint" and _some(element, _BRAKES):
-        yield "what brakes the floating base"
+        yield "what brakes or holds the floating base"
     if item.place == "joint" and len(element.get("damping", "").split()) > 1:
         yield "damping of joints by a polynomial"
     if item.place == "shape" and _some(element, ("surfacevel",)):
