@@ -355,10 +355,9 @@ class Trials(mujoco.InMujoco):
         ):
             value = settled[name]
             if value > limit:
-                size = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
                 yield rule(
                     "robot",
-                    f"two seconds after a drop from {self.drop:g} m {what} {size}",
+                    f"two seconds after a drop from {self.drop:g} m {what} {value:.3g} {unit}",
                     hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, "
                     "or a pose that stands by itself",
                     severity="info" if falls else None,
