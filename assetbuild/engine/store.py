@@ -254,7 +254,7 @@ class Store:
     def _object(self, digest: str) -> Path:
         if not _is_digest(digest):
             raise LostObjectError(digest, "that is not a digest")
-        return self.root / "cas" / digest[:2] / digest
+        return Path(f"{self.root}/cas/{digest[:2]}/{digest}")
 
     # -- actions
 
