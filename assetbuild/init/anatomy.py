@@ -58,6 +58,8 @@ ANKLE = 5
 """A leg with as many joints can lay its foot flat on the ground."""
 TIP_M = 0.01
 """Points of a shank within this distance of its last one are its tip."""
+GEAR = 0.04
+"""Of the heaviest part on the same body: what weighs less is a gear or a rod, and no limb."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
 _LIGHT_KG, _SHORT_M = 0.4, 0.25
@@ -118,7 +120,12 @@ def study(robot: InspectedRobot) -> Anatomy:
     extent = np.ptp([pose.xyz for pose in robot.at_zero.values()], axis=0)
     turning = what_turns(robot)
     wheels = frozenset(name for name, part in turning.items() if part.role == "wheel")
-    limbs = [_limb(robot, tip, wheels) for tip in _leaves(tree)]
+    beside = _beside(tree)
+    limbs = [
+        _limb(robot, tip, wheels, beside)
+        for tip in _leaves(tree)
+        if beside.isdisjoint(joint.name for joint in chain_to(tree, tip))
+    ]
     legs = _legs(robot, limbs, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
@@ -251,14 +258,35 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
-def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str]) -> Leg:
-    """The chain from the last body where the robot branches to `tip`. wheels: joints."""
+def _beside(tree: Tree) -> frozenset[str]:
+    """Joints of gears, rods and bearings: they weigh next to nothing beside what hangs there."""
+    below = {
+        body.name: math.fsum(
+            inertial.mass_kg
+            for name in bodies_below(tree, body.name)
+            if (inertial := tree.by_body[name].inertial)
+        )
+        for body in tree.bodies
+    }
+    heaviest: dict[str, float] = {}
+    for joint in tree.joints:
+        heaviest[joint.parent] = max(below[joint.child], heaviest.get(joint.parent, 0.0))
+    return frozenset(j.name for j in tree.joints if below[j.child] < GEAR * heaviest[j.parent])
+
+
+def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str], beside: Collection[str]) -> Leg:
+    """The chain from the last body where the robot branches to `tip`.
+
+    wheels, beside: joints; those of `beside` make no branch.
+    """
     tree, at_zero, leaves = robot.tree, robot.at_zero, _leaves(robot.tree)
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
     # Where no joint states an effort, 0 says nothing.
     states = any(j.limits.effort for j in tree.joints)
     springs = [j for j in tree.joints if states and j.limits.effort == 0.0 and j.child in leaves]
-    branches = Counter(joint.parent for joint in tree.joints if joint not in springs)
+    branches = Counter(
+        joint.parent for joint in tree.joints if joint not in springs and joint.name not in beside
+    )
     joints: list[Joint] = []
     for joint in chain_to(tree, tip)[::-1]:
         if joint.mimic is None and joint.kind in MOVING:

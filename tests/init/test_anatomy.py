@@ -263,6 +263,21 @@ def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Pa
     assert found["lidar"] == "spinner"
 
 
+@pytest.mark.parametrize(("mass", "stands"), [(0.005, True), (0.3, False)])
+def test_gears_and_rods_beside_a_leg_are_no_limbs(mass: float, stands: bool, tmp_path: Path):
+    """As in the legs of ToddlerBot: gears at the thigh, beside the shank."""
+    parts = []
+    for side, y in (("l", "0.1"), ("r", "-0.1")):
+        hip, knee = f"{side}_thigh", f"{side}_shank"
+        parts += [body(hip), spin(hip, "trunk", f"0 {y} 0", limit=BOUNDED)]
+        parts += [body(knee, BALL, "0 0 -0.2"), spin(knee, hip, "0 0 -0.2", limit=BOUNDED)]
+        for gear in (f"{side}_a", f"{side}_b"):
+            parts += [body(gear, mass=mass), spin(gear, hip, "0.02 0 0", limit=BOUNDED)]
+    anatomy, _ = seen(tmp_path, TRUNK, *parts)
+    assert (anatomy.base == "floating") == stands
+    assert [leg.foot for leg in anatomy.legs] == ["l_shank", "r_shank"] * stands
+
+
 def test_a_spring_at_the_heel_of_a_leg_is_no_finger(tmp_path: Path):
     """By the leg's names, where nothing says that it is one: its linkage branches (Cassie)."""
     above, parts = "trunk", [TRUNK]
