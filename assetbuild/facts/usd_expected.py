@@ -179,9 +179,6 @@ def _joints(reference: Reference, options: Options, table: Table) -> None:
         if joint.kind in MOVING:
             drive_type = options.get("drive_type", "force")
             driven = _driven(row, starts[name], springs.get(name), drive_type)
-            if "usd:drive type" in driven:
-                axis = "linear" if joint.kind == "prismatic" else "angular"
-                driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
             table.put("joint", name, driven | {"usd:engines": ENGINES})
         if row and (law := explicit_law(row)):
             words = {f"usd:newton:{word}": value for word, value in law.items()}

@@ -125,11 +125,12 @@ class Prim:
     def words(self) -> dict[str, Value]:
         """All that it states for engines and nobody has asked for, in the file's own units."""
         words: dict[str, Value] = {}
+        schema = self.prim.GetPrimDefinition()
         for stated in self.prim.GetAuthoredAttributes():
-            name = stated.GetName()
+            name, value = stated.GetName(), stated.Get()
             is_read = (self.path, name) in self.asked
-            if name.startswith(ENGINES) and not is_read and self._acts(name):
-                value = stated.Get()
+            is_default = value == schema.GetAttributeFallbackValue(name)
+            if name.startswith(ENGINES) and not (is_read or is_default) and self._acts(name):
                 if isinstance(value, float) and abs(value) > UNLIMITED:
                     value = None
                 is_plain = isinstance(value, str) or not hasattr(value, "__iter__")

@@ -104,6 +104,18 @@ def test_identifiers_options_and_masks_are_equal(tmp_path: Path) -> None:
     assert check(robot, tmp_path, options=options) == []
 
 
+def test_a_default_that_a_tool_states_is_no_difference(tmp_path: Path) -> None:
+    """Isaac Sim writes these when anybody touches a body or a joint."""
+
+    def state(stage: Usd.Stage) -> None:
+        body = UsdPhysics.RigidBodyAPI(stage.GetPrimAtPath("/robot/trunk"))
+        body.GetRigidBodyEnabledAttr().Set(True)
+        body.CreateVelocityAttr().Set(Gf.Vec3f(0.0))
+        UsdPhysics.Joint(stage.GetPrimAtPath(HIP)).CreateJointEnabledAttr().Set(True)
+
+    assert check(tiny_quadruped(), tmp_path, state) == []
+
+
 # --- one attribute
 
 HIP = f"{JOINTS}/FR_hip_joint"

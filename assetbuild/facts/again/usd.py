@@ -27,6 +27,9 @@ from assetbuild.facts.again.tree import (
 QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 SAID_ONLY = ("comment", "documentation")
 """Fields for people."""
+PLAIN = {"custom", "default", "typeName", "variability"}
+"""Fields of an attribute without time samples, connections and the like."""
+UNITS = ("kilogramsPerUnit", "metersPerUnit", "upAxis")
 _PLACE = re.compile(r":(\d+):\d+: (.*?)'?$")
 """Line and message at the end of an error of USD."""
 Choice = tuple[str, str] | None
@@ -49,9 +52,11 @@ def usd_rows(again: Path, there: Path, roots: tuple[str, ...]) -> list[Row]:
                 return _placed(text, there)
             if flat:
                 return flat
-    # Engines ask for a value by its type and take a default where the layer gives it another one.
+    # Engines ask for a value by its type and take a default where the layer gives it another one;
+    # Isaac Sim scales and turns a layer whose units are not those of the stage.
     retyped = [row for row in text if row.attribute.endswith(" typeName")]
-    return _placed([row for row in retyped if row.expected and row.found], there)
+    kept = [row for row in retyped if row.expected and row.found]
+    return _placed([*kept, *(row for row in text if row.attribute in UNITS)], there)
 
 
 def _placed(rows: list[Row], there: Path) -> list[Row]:
@@ -94,7 +99,8 @@ def _tree(layer: Sdf.Layer, stage: Usd.Stage | None = None) -> Node:
     parts: dict[Sdf.Path, dict[str, Node]] = {Sdf.Path.emptyPath: {}}
     for path in sorted(one for one in paths if not one.IsTargetPath()):
         spec, above = layer.GetObjectAtPath(path), parts.get(path.GetParentPath())
-        fields = {f: _plain(_field(spec, f)) for f in spec.ListInfoKeys() if f not in SAID_ONLY}
+        keys = sorted(set(spec.ListInfoKeys()) - set(SAID_ONLY))
+        fields = {key: _plain(_field(spec, key)) for key in keys}
         if above is None or (stage and _is_default(spec, fields, stage)):
             continue
         parts[path] = {field: value for field, value in fields.items() if field != "default"}
@@ -113,8 +119,8 @@ def _field(spec: Sdf.Spec, field: str) -> object:
 
 
 def _is_default(spec: Sdf.Spec, fields: dict[str, Node], stage: Usd.Stage) -> bool:
-    """Whether a property says what its schema says anyway."""
-    if not isinstance(spec, Sdf.AttributeSpec) or spec.connectionPathList.explicitItems:
+    """Whether a property says what its schema says anyway, and nothing besides."""
+    if not isinstance(spec, Sdf.AttributeSpec) or fields.keys() - PLAIN:
         return False
     prim = stage.GetPrimAtPath(spec.path.GetPrimPath())
     fallback = prim.GetPrimDefinition().GetAttributeFallbackValue(spec.name) if prim else None
