@@ -33,7 +33,7 @@ def recorded(path: Path, calls: Sequence[str] = ()) -> Record:
     and LINE; tuples are lists. UsageError for what cannot be executed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except UnicodeDecodeError:

@@ -88,6 +88,8 @@ def compared(folder: Path, name: str, text: str, *edits: tuple[str, str]) -> lis
          Row("function", "cfg", "return actuators[0] stiffness", 80.0, 88.0, 4)),
         ("a.py", MODULE, ('"turn": 0.5', '"turn": 0.6'),
          Row("function", "cfg", "return joints['turn']", 0.5, 0.6, 4)),
+        ("a.py", MODULE, ("delay=2", "delay=2.0"),
+         Row("function", "cfg", "return actuators[0] delay", "2", "2.0", 4)),
         ("dr.yaml", RANGES, ("3.5", "3.6"),
          Row("links", "base", "mass nominal", 3.5, 3.6, 4)),
         ("dr.yaml", RANGES, ("[3, 4]", "[3, 5]"),
@@ -101,6 +103,10 @@ def compared(folder: Path, name: str, text: str, *edits: tuple[str, str]) -> lis
          Row("prim", "/arm{Physics=off}", "mass", 1.0, 3.0, 20)),
         ("a.usda", STAGE, ('Physics = "on"', 'Physics = "off"'),
          Row("prim", "/arm", "variantSelection Physics", "on", "off", 6)),
+        ("a.usda", STAGE, ("float physics", "token visibility.timeSamples = {0: \"invisible\"}\n"
+                           "float physics"),
+         Row("prim", "/arm/turn", "visibility extra", None, "custom=False "
+             "timeSamples=0.0=invisible typeName=token variability=Sdf.VariabilityVarying", 15)),
         ("a.usda", STAGE, ("quatf", "quatd"),
          Row("prim", "/arm/turn", "physics:localRot0 typeName", "quatf", "quatd", 16)),
     ],
@@ -117,9 +123,13 @@ def test_a_change_is_named_with_both_values(
     [
         ("a.urdf", URDF, ('"0 0 1.5"', '"0  0.0 1.5000000000001"')),
         ("a.urdf", URDF, ('name="turn" type="revolute"', 'type="revolute" name="turn"')),
+        ("a.urdf", URDF, ("<limit", '<axis xyz="1 0 0"/><dynamics damping="0"/><limit lower="0"')),
+        ("a.urdf", URDF, ('"0 0 1.5"', '"0 0 1.5" rpy="0 6.283185307179586 0"')),
         ("a.xml", MJCF, ('<position kp="80" kv="4"/>', '<!-- no --><position kv="4.0" kp="80"/>')),
         ("a.xml", MJCF, ("<joint name=", '<joint axis="0 0 2" name=')),
         ("a.py", MODULE, ('"""Its drives."""', "# the drives")),
+        ("a.py", MODULE, ("def cfg():", "import math\ndef cfg() -> Entity:")),
+        ("a.py", MODULE + "DELAY = 2\n", ("DELAY", "DELAY: int")),
         ("dr.yaml", RANGES, ("{nominal: 3.5, range: [3, 4]}", "\n      range: [3, 4]\n"
                              "      nominal: 3.5")),
         ("calf.obj", MESH, ("v 0 0 1\n", "\n# a corner\nv 0.0 0 1\n")),
@@ -180,6 +190,35 @@ def test_what_does_not_parse_is_reported_with_its_line(
     with pytest.raises(NotParsedError) as error:
         compared(tmp_path, name, text, edit)
     assert error.value.line == line
+
+
+def test_an_encoding_that_mujoco_and_urdfdom_do_not_read_is_reported(tmp_path: Path):
+    there = tmp_path / "there.urdf"
+    again = tmp_path / "again.urdf"
+    again.write_text(URDF)
+    there.write_bytes(URDF.encode("utf-16"))
+    with pytest.raises(NotParsedError, match="not UTF-8"):
+        rows_of(again, there)
+
+
+def test_a_layer_of_other_units_differs_although_no_stage_does(tmp_path: Path):
+    """USD takes the units of the root layer; Isaac Sim scales what a layer of others adds."""
+    for side, metre in (("again", 1), ("there", 0.01)):
+        (tmp_path / side).mkdir()
+        words = f'#usda 1.0\n(\n    defaultPrim = "arm"\n    metersPerUnit = {metre}\n)\n'
+        (tmp_path / side / "base.usda").write_text(f'{words}def Xform "arm"\n{{\n}}\n')
+        (tmp_path / side / "arm.usda").write_text(
+            '#usda 1.0\n(\n    defaultPrim = "arm"\n)\n'
+            'def "arm" (\n    payload = @./base.usda@\n)\n{\n}\n'
+        )
+    again, there = (tmp_path / side / "base.usda" for side in ("again", "there"))
+    (row,) = rows_of(again, there, (tmp_path / "again" / "arm.usda",))
+    assert (row.subject, row.attribute, row.expected, row.found) == (
+        "prim /",
+        "metersPerUnit",
+        1.0,
+        0.01,
+    )
 
 
 def test_a_picture_is_its_pixels(tmp_path: Path):

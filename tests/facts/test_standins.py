@@ -55,6 +55,10 @@ def test_calls_attributes_and_items_are_one_table(tmp_path: Path):
     assert said["terms"]["height"] is None
 
 
+def test_a_byte_order_mark_means_nothing(tmp_path: Path):
+    assert recorded(written(tmp_path, "\ufeffDT = 0.5"))["DT"] == 0.5
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.facts.again.tree import Node, NotParsedError, Row, Words, same, tree_rows
-from assetbuild.facts.again.xml import root_of, xml_tree
+from assetbuild.facts.again.xml import root_of, xml_rows
 from assetbuild.facts.plain_yaml import plain_loader
 from assetbuild.mesh.obj import parse_obj
 
@@ -32,7 +33,9 @@ def rows_of(again: Path, there: Path, stages: tuple[Path, ...] = ()) -> list[Row
         return usd_rows(again, there, roots)
     if ending in (".obj", ".mtl"):
         return mesh_rows(again, there)
-    if ending in (".xml", ".urdf") and root_of(there).tag == "mujoco":
+    if ending in (".xml", ".urdf"):
+        if root_of(there).tag != "mujoco":
+            return xml_rows(again, there)
         from assetbuild.facts.again.mjcf import mjcf_rows
 
         return mjcf_rows(again, there)
@@ -160,8 +163,9 @@ def picture_tree(path: Path) -> Node:
 # --- Python: docstrings and layout mean nothing ---
 
 
-UNWRAPPED = (ast.Return, ast.Expr, ast.Assign, ast.keyword)
+UNWRAPPED = (ast.Return, ast.Expr, ast.Assign, ast.AnnAssign, ast.keyword)
 """Nodes that are their value, under a name that says the rest."""
+ANNOTATIONS = ("annotation", "returns")
 
 
 def python_tree(path: Path) -> Node:
@@ -171,7 +175,17 @@ def python_tree(path: Path) -> Node:
     except (SyntaxError, ValueError) as error:
         line = error.lineno or 0 if isinstance(error, SyntaxError) else 0
         raise NotParsedError(f"not readable as Python: {error}", line) from None
-    return Node(None, _block(module.body, ""), 0, ("module", ""), ordered=True)
+    used = {node.id for node in ast.walk(module) if isinstance(node, ast.Name)}
+    body = [statement for statement in module.body if not _is_idle(statement, used)]
+    return Node(None, _block(body, ""), 0, ("module", ""), ordered=True)
+
+
+def _is_idle(statement: ast.stmt, used: set[str]) -> bool:
+    """Whether it imports modules of Python itself that nothing uses."""
+    return isinstance(statement, ast.Import) and all(
+        module.name in sys.stdlib_module_names and (module.asname or module.name) not in used
+        for module in statement.names
+    )
 
 
 def _block(statements: Sequence[ast.stmt], inside: str) -> dict[str, Node]:
@@ -206,7 +220,9 @@ def _is_docstring(statement: ast.stmt) -> bool:
 
 def _node(node: ast.AST, subject: tuple[str, str] | None = None, inside: str = "") -> Node:
     line = int(getattr(node, "lineno", 0))
-    if isinstance(node, UNWRAPPED) and node.value is not None:
+    # The annotation of a field makes it one; of all else annotations are for people.
+    is_field = isinstance(node, ast.AnnAssign) and inside
+    if isinstance(node, UNWRAPPED) and node.value is not None and not is_field:
         value = _node(node.value)
         return Node(value.value, value.parts, line, subject)
     literal = _literal(node)
@@ -240,6 +256,8 @@ def _parts(node: ast.AST, inside: str) -> dict[str, Node]:
             return _items(node.elts)
     parts: dict[str, Node] = {}
     for name, value in ast.iter_fields(node):
+        if name in ANNOTATIONS and not isinstance(node, ast.AnnAssign):
+            continue
         if name in ("body", "orelse", "finalbody") and isinstance(value, list):
             parts |= _block(value, inside)
         elif isinstance(value, ast.AST):
@@ -259,8 +277,8 @@ def _items(nodes: Sequence[object]) -> dict[str, Node]:
 
 
 TREES = {
-    ".xml": xml_tree, ".urdf": xml_tree, ".py": python_tree,
-    ".yaml": key_tree, ".yml": key_tree, ".json": key_tree, ".xrdf": key_tree,
+    ".py": python_tree, ".yaml": key_tree, ".yml": key_tree, ".json": key_tree,
+    ".xrdf": key_tree,
     ".png": picture_tree, ".jpg": picture_tree, ".jpeg": picture_tree,
 }  # fmt: skip
 """Ending of a file -> what it states."""

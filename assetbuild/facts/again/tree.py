@@ -116,24 +116,33 @@ def _value_row(one: object, other: object, place: _Place, line: int) -> Row:
             index = next(i for i in range(len(one)) if not same(one[i], other[i]))
             inside = place.at(f"[{index}]", Node())
             return _value_row(one[index], other[index], inside, line)
+    if _is_float_for_int(one, other) and one == other:
+        return place.row(str(one), str(other), line)  # both would be shown as one number
     return place.row(one, other, line)
 
 
 def same(one: object, other: object) -> bool:
-    """Whether two values are the same, numbers but for their last digits."""
+    """Whether two values are the same, numbers but for their last digits.
+
+    A count stays an integer: `range(4.0)` is an error.
+    """
     if isinstance(one, str) and isinstance(other, str):
         if one == other or not isinstance(one, Words):
             return one == other
         ours, theirs = one.numbers, Words(other).numbers
         is_text = ours is None or theirs is None
         return one.split() == other.split() if is_text else same(ours, theirs)
-    if not (_is_numeric(one) and _is_numeric(other)):
+    if _is_float_for_int(one, other) or not (_is_numeric(one) and _is_numeric(other)):
         return type(one) is type(other) and bool(one == other)
     a, b = np.asarray(one), np.asarray(other)
     if a.shape != b.shape or "f" not in a.dtype.kind + b.dtype.kind:
         return bool(np.array_equal(a, b))
     tolerance = SINGLE if a.dtype.itemsize < 8 else DOUBLE
     return bool(np.allclose(b, a, rtol=tolerance, atol=ZERO, equal_nan=True))
+
+
+def _is_float_for_int(one: object, other: object) -> bool:
+    return type(one) is int and type(other) is float
 
 
 def _is_numeric(value: object) -> bool:

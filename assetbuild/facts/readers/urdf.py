@@ -228,7 +228,8 @@ class UrdfFile:
         """The surface at its place in the link."""
         name = element.get("filename", "")
         facts: dict[str, Value] = {}
-        if scale := element.get("scale"):
+        scale = _numbers(element, "scale")
+        if scale not in (None, (1.0, 1.0, 1.0)):
             facts["urdf:scale"] = scale
         if (self._path.parent / name).is_file():
             return facts | self._surface(name).moved(pose).facts()
