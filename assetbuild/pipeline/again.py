@@ -220,7 +220,7 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
     ours, theirs = again.folder / path, bundle / path
     if not theirs.is_file() or digest_file(ours) == digest_file(theirs):
         return
-    with _among_others(path, theirs, again) as there:
+    with _among_others(path, bundle, again) as there:
         try:
             rows = rows_of(ours, there, stages_of(again.folder, path))
         except NotParsedError as error:
@@ -237,16 +237,21 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
 
 
 @contextmanager
-def _among_others(path: str, theirs: Path, again: Again) -> Iterator[Path]:
+def _among_others(path: str, bundle: Path, again: Again) -> Iterator[Path]:
     """The bundle's file in a folder with all other files as their writers write them.
 
-    So a model that includes it, or a stage that it is a layer of, differs by this file alone.
+    So a model that includes it, or a stage that it is a layer of, differs by this file alone, and
+    by the files beside it that no writer writes: it may include them.
     """
     with tempfile.TemporaryDirectory(prefix="there-", dir=again.folder.parent) as name:
         shutil.copytree(again.folder, name, copy_function=os.link, dirs_exist_ok=True)
         there = Path(name, path)
         there.unlink()
-        shutil.copyfile(theirs, there)
+        for file in (bundle / path.partition("/")[0]).rglob("*"):
+            copy = Path(name, file.relative_to(bundle))
+            if file.is_file() and not copy.exists():
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, copy)
         yield there
 
 

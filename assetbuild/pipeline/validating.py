@@ -100,7 +100,10 @@ def validate(path: Path, wish: Wish) -> list[Validated]:
 
 def _of_bundle(bundle: Path, wish: Wish) -> list[Validated]:
     files = _files(bundle)
-    proved = _proved(bundle) if (bundle / "report/robot.json").exists() else {}
+    if (bundle / ROBOT).exists():
+        proved = _proved(bundle)
+    else:
+        proved = _lost(bundle) if (bundle / "manifest.json").exists() else {}
     results = []
     for name in (file.relative_to(bundle).as_posix() for file in files):
         one, proof = _validated(bundle / name, name, wish), proved.pop(name, None)
@@ -114,7 +117,7 @@ def _proved(bundle: Path) -> dict[str, Validated]:
     """Every file of a bundle that says what the robot is, compared with the bundle's robot."""
     reference = Reference.of_bundle(bundle)
     robot = str(reference.options.get("robot") or robot_named(bundle, bundle.name))
-    files = {"report/robot.json": Validated("report/robot.json", "robot", ())}
+    files = {ROBOT: Validated(ROBOT, "robot", ())}
     for form, reader, file in bundle_readers(bundle, robot, reference):
         name = file.relative_to(bundle).as_posix()
         proof = reader.prove(reference, file)
@@ -128,18 +131,25 @@ def _proved(bundle: Path) -> dict[str, Validated]:
         files[name] = replace(one, findings=(*read, *findings))
     unproven = {f.subject.removeprefix("target ") for f in again.get(ROBOT, ())}
     unread = unproven - {name.partition("/")[0] for name in files}
-    lost = {finding.where: finding for finding in lost_files(bundle, unread)}
-    return files | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
+    return files | _lost(bundle, unread)
+
+
+def _lost(bundle: Path, unread: Collection[str] = ()) -> dict[str, Validated]:
+    findings = lost_files(bundle, unread)
+    return {one.where: Validated(one.where, "file", (one,)) for one in findings}
 
 
 def lost_files(bundle: Path, unread: Collection[str] = ()) -> Iterator[Finding]:
     """One for each file that the manifest lists and the bundle does not hold, and for each edited
     one in a folder of `unread`, which nothing here writes or reads."""
     for name, digest in manifest_of(bundle).items():
-        if not (bundle / name).is_file():
-            yield LOST("robot", "the manifest lists it, and it is not there", where=name)
-        elif name.partition("/")[0] in unread and digest_file(bundle / name) != digest:
-            yield LOST("robot", "it was edited, and nothing here writes or reads it", where=name)
+        path, data = bundle / name, {"attribute": "sha256", "expected": digest}
+        if not path.is_file():
+            text = "the manifest lists it, and it is not there"
+            yield LOST(f"file {name}", text, data=data | {"found": "no file"}, where=name)
+        elif name.partition("/")[0] in unread and (found := digest_file(path)) != digest:
+            text = "it was edited, and nothing here writes or reads it"
+            yield LOST(f"file {name}", text, data=data | {"found": found}, where=name)
 
 
 def _files(folder: Path) -> list[Path]:

@@ -82,6 +82,14 @@ def test_another_name_of_a_model_is_named(bundle: Path):
     assert [finding.rule for finding in proved(bundle)] == ["equal.mjcf.model"]
 
 
+def test_a_layer_that_somebody_added_is_compared_with_what_refers_to_it(bundle: Path):
+    layer = '#usda 1.0\nover "legs"\n{\n    token visibility = "invisible"\n}\n'
+    (bundle / "usd/mine.usda").write_text(layer)
+    edit(bundle / "usd/legs.usda", "(\n", "(\n    subLayers = [@./mine.usda@]\n")
+    (found,) = proved(bundle)
+    assert (found.rule, found.subject) == ("equal.usd.extra", "prim /legs")
+
+
 def test_a_comment_is_information(bundle: Path):
     edit(bundle / "urdf/legs.urdf", "</robot>", "<!-- mine --></robot>")
     (found,) = proved(bundle)

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from assetbuild.engine.digest import digest_bytes
-from assetbuild.pipeline.validating import GRAVITY, TIMESTEP_S, _fell, lost_files, tried
+from assetbuild.pipeline.validating import (
+    GRAVITY,
+    TIMESTEP_S,
+    Wish,
+    _fell,
+    lost_files,
+    tried,
+    validate,
+)
 from assetbuild.simulators.experiments import Motion, Outcome, Setting
 
 
@@ -25,6 +33,22 @@ def test_a_lost_file_is_named_and_an_edited_one_of_a_plug_in_that_is_not_install
     assert [(found.rule, found.where) for found in lost_files(tmp_path)] == [lost]
     (edited,) = (found for found in lost_files(tmp_path, {"sdf"}) if found.where != lost[1])
     assert (edited.where, "was edited" in edited.message) == ("sdf/crate.sdf", True)
+    values = {
+        "attribute": "sha256",
+        "expected": digest_bytes(b""),
+        "found": digest_bytes(b"edited"),
+    }
+    assert (edited.subject, edited.data) == ("file sdf/crate.sdf", values)
+
+
+def test_a_bundle_without_its_robot_lost_it(tmp_path: Path):
+    rows = [{"path": "report/robot.json", "sha256": digest_bytes(b"")}]
+    (tmp_path / "manifest.json").write_text(json.dumps({"files": rows}))
+    (tmp_path / "mjcf").mkdir()
+    (tmp_path / "mjcf/crate.xml").write_text("<mujoco/>")
+    wish = Wish(False, lambda robot, out: None, lambda event: None)
+    found = [finding for one in validate(tmp_path, wish) for finding in one.findings]
+    assert ("equal.lost", "file report/robot.json") in {(f.rule, f.subject) for f in found}
 
 
 SECONDS = 0.5
