@@ -256,7 +256,7 @@ def _findings(before: Side, after: Side) -> Iterator[Change]:
         old, new = before.findings.get(key), after.findings.get(key)
         if old == new or "info" in (old or "info") == (new or "info"):
             continue
-        rank: Rank = worse[new] if new and new != "info" else "LOW"
+        rank: Rank = worse.get(new or "info", "LOW")
         yield Change(rank, (key[1],), f"finding {key[0]}", old or "-", new or "-")
 
 

@@ -70,6 +70,8 @@ def test_what_we_write_is_the_robot(joints: str, tmp_path: Path):
         ("joint FR_hip_joint", "acceleration", "limits: [7.0", "limits: [7.1"),
         ("joint FR_hip_joint", "jerk", "limits: [100.0", "limits: [101.0"),
         ("joint FR_thigh_joint", "default", "FR_thigh_joint: 0.8", "FR_thigh_joint: 0.9"),
+        ("pair FR_calf FR_thigh", "ignored", "FR_thigh: [FR_calf", "FR_thigh: [RL_calf"),
+        ("pair FR_thigh RL_calf", "ignored", "FR_thigh: [FR_calf", "FR_thigh: [RL_calf"),
     ],
 )  # fmt: skip
 def test_a_wrong_number_is_named(

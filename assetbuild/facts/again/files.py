@@ -6,7 +6,7 @@ import ast
 import os
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +166,7 @@ def picture_tree(path: Path) -> Node:
 UNWRAPPED = (ast.Return, ast.Expr, ast.Assign, ast.AnnAssign, ast.keyword)
 """Nodes that are their value, under a name that says the rest."""
 ANNOTATIONS = ("annotation", "returns")
+IMPORTS = (ast.Import, ast.ImportFrom)
 
 
 def python_tree(path: Path) -> Node:
@@ -176,16 +177,25 @@ def python_tree(path: Path) -> Node:
         line = error.lineno or 0 if isinstance(error, SyntaxError) else 0
         raise NotParsedError(f"not readable as Python: {error}", line) from None
     used = {node.id for node in ast.walk(module) if isinstance(node, ast.Name)}
-    body = [statement for statement in module.body if not _is_idle(statement, used)]
-    return Node(None, _block(body, ""), 0, ("module", ""), ordered=True)
+    imports = [one for one in module.body if isinstance(one, IMPORTS)]
+    rest = [one for one in module.body if not isinstance(one, IMPORTS)]
+    parts = {
+        "module": Node(None, dict(_imports(imports, used)), 0, ("module", "")),
+        **_block(rest, ""),
+    }
+    return Node(None, parts, 0, ("module", ""), ordered=True)
 
 
-def _is_idle(statement: ast.stmt, used: set[str]) -> bool:
-    """Whether it imports modules of Python itself that nothing uses."""
-    return isinstance(statement, ast.Import) and all(
-        module.name in sys.stdlib_module_names and (module.asname or module.name) not in used
-        for module in statement.names
-    )
+def _imports(
+    statements: Sequence[ast.Import | ast.ImportFrom], used: set[str]
+) -> Iterator[tuple[str, Node]]:
+    """What each imported name is, in any order, but what nothing uses of Python's own modules."""
+    for one in statements:
+        package = f"{'.' * one.level}{one.module or ''}." if isinstance(one, ast.ImportFrom) else ""
+        for each in one.names:
+            name, origin = each.asname or each.name, f"{package}{each.name}"
+            if name in used or origin.partition(".")[0] not in sys.stdlib_module_names:
+                yield f"import {origin if name == '*' else name}", Node(origin, {}, one.lineno)
 
 
 def _block(statements: Sequence[ast.stmt], inside: str) -> dict[str, Node]:

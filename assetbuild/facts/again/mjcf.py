@@ -20,8 +20,8 @@ PREFIXES = (
 )
 KINDS = {prefix: CALLED.get(prefix, prefix) for prefix in PREFIXES.split()}
 """How MuJoCo's arrays begin -> what MJCF calls the thing; its count is `n` and the former."""
-PLACES = ("names", "paths", "pathadr", "nameadr", "name_", "signature", "narena", "nbuffer")
-"""Words in the names of fields that state where a file lay or how much memory the model takes."""
+PLACES = ("names", "paths", "pathadr", "nameadr", "name_", "signature", "nbuffer")
+"""Words in the names of fields that state where a file lay or how long names are."""
 DERIVED = ("invweight", "subtreemass", "lengthrange", "bvh", "oct_", "simple", "sameframe", "M_",
            "D_", "B_", "map", "stat.", "qpos0")  # fmt: skip
 """Words in the names of fields that follow from others."""

@@ -1,7 +1,9 @@
-"""The reader of facts of `xrdf/<robot>.xrdf`: which joints a planner moves, and how fast."""
+"""The reader of facts of `xrdf/<robot>.xrdf`: which joints a planner moves, and how fast; which
+links it lets collide."""
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,8 +12,8 @@ from typing import ClassVar
 from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.facts.reader import Reader, all_but
-from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table
+from assetbuild.facts.reference import Reference, filtered_pairs
+from assetbuild.facts.table import Table, pair_name
 
 LIMITS = ("acceleration", "jerk")
 
@@ -38,6 +40,9 @@ class Xrdf(Reader):
                 facts.put("joint", name, {f"xrdf:{word}": limit})
         for name, position in xrdf["default_joint_positions"].items():
             facts.put("joint", name, {"xrdf:default": position})
+        for one, others in xrdf.get("self_collision", {}).get("ignore", {}).items():
+            for other in others:
+                facts.put("pair", pair_name(one, other), {"xrdf:ignored": True})
         return facts.plain()
 
     def expected(self, reference: Reference) -> Table:
@@ -59,4 +64,11 @@ class Xrdf(Reader):
             limits = {name: float(limit) for name, limit in stated.items() if limit is not None}
             for name, limit in limits.items() if len(limits) == len(planned) else ():
                 facts.put("joint", name, {f"xrdf:{word}": limit})
+        tree, shapes = reference.tree, reference.shapes
+        filtered = {frozenset(pair) for pair in filtered_pairs(tree, shapes, reference.control)}
+        links = dict.fromkeys(shape.link for shape in shapes.of("collision"))
+        for pair in itertools.combinations(links, 2):
+            bodies = frozenset(tree.placement(link)[0] for link in pair)
+            if len(bodies) == 1 or bodies in filtered:
+                facts.put("pair", pair_name(*pair), {"xrdf:ignored": True})
         return facts
