@@ -178,6 +178,7 @@ MJLAB_BUGS = [
     (module, "_velocity", "cfg.sim.mujoco.timestep = TIMESTEP", "", {"timestep"}),
     (module, "_velocity", "cfg.events |= randomize_events()", "cfg.x = 0",
      {"density", "encoder_bias", "effort"}),
+    (module, "_soles", "len(foot.geoms) == 1", "len(foot.geoms) == 2", {"feet_ground_contact"}),
     (module, "_velocity", "for name in gone", "for name in gone[1:]", {"without"}),
     (events, "_log_cholesky", "math.log(low) / 2", "math.log(low)", {"density"}),
     (events, "_payloads", "payload.at", "payload.size", {"box"}),

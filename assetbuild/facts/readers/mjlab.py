@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar
 
@@ -19,6 +19,7 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.trainers import LOOPS, Names, Term
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import Actuator
 from assetbuild.simulators.mujoco import body_names
 
@@ -116,6 +117,10 @@ def _table(path: Path, bodies: Names, joints: Names) -> Table:
         robot = task["scene"]["entities"]["robot"]
         gone = tuple(sorted(name for name, term in terms.items() if term is None))
         facts.put("robot", "", {f"{FORM}:without": gone})
+        for sensor in task["scene"].get("sensors") or ():
+            match = table_of(sensor.get("primary"))
+            entries = _soles(words_of(match.get("pattern")))
+            facts.put("robot", "", {f"{FORM}:{sensor['name']}": (str(match.get("mode")), *entries)})
     stated = ("timestep", "decimation", "gravity", "cone", "impratio")
     facts.put("simulation", "", {n: simulation[n] for n in stated if simulation.get(n) is not None})
     model = words_of(record[f"{class_of(robot.get('spec_fn'))}()"].get(ARGUMENTS))
@@ -187,6 +192,7 @@ def _besides(reference: Reference, robot: str) -> Table:
                 facts.put("joint", row.joint, {f"{FORM}:action scale": scale})
     if _walks(reference):
         facts.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
+        facts.put("robot", "", {f"{FORM}:feet_ground_contact": _feet(reference)})
         solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
         facts.put("simulation", "", solver)
     return facts
@@ -199,6 +205,22 @@ def _walks(reference: Reference) -> bool:
     stands = any(re.fullmatch(pattern, link) for link in links) if pattern else False
     is_driven = any(row.model in STATED for row in reference.control.actuators)
     return reference.tree.base == "floating" and stands and is_driven
+
+
+def _feet(reference: Reference) -> tuple[str, ...]:
+    """What the sensor of the feet matches: a geom of each, their bodies where one has several."""
+    tree, pattern = reference.tree, reference.options["feet"]["links"]
+    solid = reference.shapes.of("collision")
+    soles = [shape for shape in solid if re.fullmatch(pattern, shape.link)]
+    feet = grouped(soles, lambda shape: tree.placement(shape.link)[0])
+    if len(feet) == len(soles):
+        return ("geom", *_soles(shape.name for shape in soles))
+    return ("body", *_soles(body_names(tree)[body] for body in feet))
+
+
+def _soles(names: Iterable[str]) -> list[str]:
+    """Sorted, without what the bare MJCF appends to names of geoms."""
+    return sorted(re.sub(r"_collision\d*$", "", name) for name in names)
 
 
 def _replaced(reference: Reference) -> Iterator[str]:
