@@ -30,10 +30,8 @@ LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
 ALONE_S, ALONE_FALL = 2.0, 0.5
 """How long nobody touches the robot, and what counts as a fall then: as in the check `stand`."""
-ON_POINTS = (
-    "where it starts, it stands on points or edges that span no area: only a controller that "
-    "balances it keeps it up, or wider feet"
-)
+ON_POINTS = "it stands on points or edges that span no area: it needs a controller, or wider feet"
+WITHOUT_GAINS = "leave it to your controller, or state `kp` in the `actuators` of the recipe"
 DEEP_M = 0.001
 """Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""
 START_M = 0.005
@@ -371,10 +369,12 @@ class Trials(mujoco.InMujoco):
         stood = stand(model, 0, ALONE_S)
         did = figures["untouched"] = outcome_figures(stood, ALONE_FALL)
         if did["outcome"] == "falls" and mujoco.turning(model):
+            on_points = stood.floats and not experiments.support(model).is_area
+            hint = ON_POINTS if on_points else ""
             yield FALL(
                 "robot" if stood.floats else f"actuator {stood.worst_held[0]}",
                 f"left alone it {did['sentence']}",
-                hint=ON_POINTS if stood.floats and not experiments.support(model).is_area else "",
+                hint=hint if stood.worst_held[0] or not stood.driven else WITHOUT_GAINS,
                 data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
             )
 

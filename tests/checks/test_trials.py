@@ -211,6 +211,13 @@ def test_a_robot_that_falls_untouched_is_told_with_its_heights(tmp_path: Path, v
     assert f"base height {untouched['height_before_m']:.3g} m at the start" in fall.message
 
 
+def test_torque_drives_leave_a_standing_robot_to_its_controller(tmp_path: Path):
+    found = tried(drives(model="motor", kp=0.0, kd=0.0), tmp_path)
+    (fall,) = [f for f in found if f.rule == "trials.fall"]
+    assert "falls within 2 s, as no drive holds a position: base height" in fall.message
+    assert "controller" in fall.hint
+
+
 # --- more contacts than MuJoCo's memory holds -------------------------------------------------
 
 

@@ -84,6 +84,7 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
         f"base height {stood.height_m:.3g} m at the start, {after:.3g} m at the end, "
         f"tilted by {stood.tilt_rad:.2g} rad"
     )
+    why = "" if joint or not stood.driven else ", as no drive holds a position"
     sentence = {
         ("unstable", stood.floats): f"the simulation became unstable within {seconds}",
         ("holds", False): f"holds {far}",
@@ -91,7 +92,7 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
         ("rests", False): "rests on its fixed base: no drive holds a position",
         ("stands", True): f"stands for {seconds}: {heights}",
         ("rests", True): f"rests for {seconds} without drives: {heights}",
-        ("falls", True): f"falls within {seconds}: {heights}",
+        ("falls", True): f"falls within {seconds}{why}: {heights}",
     }[did, stood.floats]
     known = {"height_before_m": stood.height_m, "height_after_m": after}
     shown = known if stood.floats and stood.finite else {}
