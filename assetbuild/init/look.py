@@ -247,6 +247,7 @@ def zeroed(tree: Tree) -> list[str]:
 
 
 FORMATS: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
+PICTURES = (".png", ".jpg", ".jpeg")
 CORNERS = 64
 """Most vertices of a simplified hull."""
 LARGEST = 16 << 20
@@ -269,13 +270,19 @@ def read_points(
         if format is None or path.stat().st_size > LARGEST:
             return None
         data = path.read_bytes()
-        names = companions_of(data, "gltf") if format == "gltf" else ()
-        beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
+        beside = buffers(path, data)
         read = read_mesh(data, format, companions=beside, up_axis=up_axis, subject=subject)
     except (StepError, OSError):
         return None
     used = [part.mesh.vertices[part.mesh.is_used] for part in read.parts]
     return np.concatenate(used) * np.array(geometry.scale), read.up_axis
+
+
+def buffers(path: Path, data: bytes) -> dict[str, bytes]:
+    """What a glTF keeps in other files, by name; its pictures say nothing of its shape."""
+    names = companions_of(data, "gltf") if path.suffix.lower() == ".gltf" else ()
+    files = {name: path.parent / name for name in names if not name.lower().endswith(PICTURES)}
+    return {name: file.read_bytes() for name, file in files.items() if file.is_file()}
 
 
 def turned(robot: InspectedRobot) -> frozenset[str]:

@@ -65,9 +65,11 @@ def read_gltf(
     except StepError:
         raise
     except Exception as error:  # trimesh's reader raises many kinds on broken files
-        lost = f"; `{files.missing[0]}` is not in the source" if files.missing else ""
+        if files.missing and isinstance(error, KeyError):
+            lost = f"{subject}: its buffer `{files.missing[-1]}` is not in the source"
+            raise StepError(lost, hint="copy or clone all of the source") from error
         reason = f"{type(error).__name__}: {one_line(error)}"
-        raise StepError(f"{subject}: not readable as {format}: {reason}{lost}") from error
+        raise StepError(f"{subject}: not readable as {format}: {reason}") from error
     parts = group_by_material(part for part in placed if part is not None)
     kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}
     coloured = bool(kinds & {"vertex", "face"})

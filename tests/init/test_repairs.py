@@ -213,6 +213,14 @@ def test_a_missing_mass_is_a_guess_that_says_so(stated: str, tmp_path: Path):
     assert "a guess, as the source states no real mass" in (tmp_path / "recipe.yaml").read_text()
 
 
+def test_a_guessed_mass_reads_the_buffers_of_a_gltf(tmp_path: Path):
+    """Water in a box of 0.1 x 0.2 x 0.3 m weighs 6 kg, the base 5 kg."""
+    for name, data in trimesh.creation.box((0.1, 0.2, 0.3)).export(file_type="gltf").items():
+        (tmp_path / name).write_bytes(data)
+    proposed(chain(shape("visual", mesh("model.gltf"))), tmp_path)
+    assert "# bot: 11 kg, 2 bodies" in (tmp_path / "recipe.yaml").read_text()
+
+
 def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
     """The build would refuse `open: hull` of it: the collision shape is taken, or a ball."""
     (tmp_path / "sheet.obj").write_bytes(flat_obj())

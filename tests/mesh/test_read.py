@@ -205,7 +205,7 @@ def test_a_gltf_reads_its_companions_and_nothing_else():
     source = read_mesh(text, "gltf", companions=files)
     assert source.parts[0].material.texture == "skin"
     assert source.pictures == {}  # told as lost
-    with pytest.raises(StepError, match=r"gltf_buffer_0.bin` is not in the source"):
+    with pytest.raises(StepError, match=r"its buffer `gltf_buffer_0.bin` is not in the source\n"):
         read_mesh(text, "gltf")
 
 
