@@ -182,7 +182,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     # Beside a guessed drive there is no room for a spring.
     springs = stated if tuning else no_drives(control)
     draft = Draft()
-    put_head(draft, robot, anatomy, path, unmended)
+    put_head(draft, replace(robot, tree=source.built.tree), anatomy, path, unmended)
     put_source(draft, source.root, path, "mjcf", source.file)
     if source.bodies:
         why = f"or {some(source.bodies[1:])}: one recipe builds one robot"
