@@ -234,6 +234,14 @@ def test_sensors_are_the_robots_where_it_has_the_words(tmp_path: Path):
     ]
 
 
+def test_sensors_that_change_places_are_one_finding(tmp_path: Path):
+    own = "".join(f'<jointpos name="q{n}" joint="j"/>' for n in range(3))
+    sensors = f'<sensor><clock name="c"/>{own}</sensor>'
+    found = read(robot(ARM, sensors), tmp_path)
+    (order,) = [f.message for f in found.findings if f.rule == "mjcf.order"]
+    assert order.startswith("sensors from `q0` on stand before those that only MJCF has")
+
+
 def test_excludes_and_cameras(arm: Reading):
     assert arm.control.excludes == (("base", "lower"),)
     eye = next(camera for camera in arm.control.cameras if camera.name == "eye")

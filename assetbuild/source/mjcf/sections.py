@@ -263,7 +263,7 @@ def _read_tendons(links: Links) -> None:
 
 def _sensors(links: Links, driven: Mapping[str, str]) -> Iterator[Sensor]:
     """Yield those that the Robot has words for, and leave the others to MJCF."""
-    kept = False
+    kept, moved = False, list[str]()
     for element, name, stated in _elements(links, "sensor"):
         sensor = _sensor(element, stated, driven)
         if sensor is None:
@@ -271,10 +271,11 @@ def _sensors(links: Links, driven: Mapping[str, str]) -> Iterator[Sensor]:
             kept = True
             continue
         yield sensor
-        if kept:
-            message = f"sensors from `{name}` on stand before those that only MJCF "
-            message += "has: their places in `sensordata` differ from the source's"
-            links.findings.append(ORDER("robot", message, "ask for sensors by name"))
+        moved += [name] * kept
+    if moved:
+        message = f"sensors from `{moved[0]}` on stand before those that only MJCF "
+        message += "has: their places in `sensordata` differ from the source's"
+        links.findings.append(ORDER("robot", message, "ask for sensors by name"))
 
 
 def _sensor(
