@@ -284,6 +284,12 @@ def test_what_belongs_to_other_programs_is_no_stray(tmp_path: Path):
     assert "urdf.stray" not in {f.rule for f in read(robot(extra=gazebo), tmp_path).findings}
 
 
+@pytest.mark.parametrize("xyz", ["0.866 0 -0.5", "0.57735 0.57735 0.57735"])
+def test_a_unit_axis_of_few_digits_is_taken_as_one(xyz: str, tmp_path: Path):
+    text = robot(joint=f'{ORIGIN}<axis xyz="{xyz}"/>{LIMIT}')
+    assert read(text, tmp_path).findings == []
+
+
 def test_what_a_fixed_joint_says_of_axis_and_limits_is_not_read(tmp_path: Path):
     text = robot(joint='<axis xyz="x"/><limit effort="nan"/>', kind="fixed")
     assert read(text, tmp_path).findings == []

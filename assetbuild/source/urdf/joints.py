@@ -28,8 +28,8 @@ from assetbuild.source.urdf.xml import Node
 
 KINDS = tuple(kind for kind in get_args(JointKind) if kind != "ball")
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
-AXIS_TOLERANCE = 1e-6
-"""An axis whose length is off by more was not meant as a unit vector: said as a finding."""
+AXIS_TOLERANCE = 1e-4
+"""An axis whose length is off by more is no unit vector of four digits: said as a finding."""
 
 AXIS_NORMALISED = Rule(
     "urdf.axis.normalised", "info", "an axis did not have length 1", "write a unit vector"
