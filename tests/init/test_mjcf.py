@@ -57,6 +57,18 @@ def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
     assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
 
 
+def test_a_file_that_an_include_finds_beside_itself_is_found(tmp_path: Path):
+    """`robot/dog.xml` includes `leg.xml`, which MuJoCo misses in `cell` and finds in `robot`."""
+    for name, inside in (("cell/scene", "../robot/dog.xml"), ("robot/dog", "leg.xml")):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / f"{name}.xml").write_text(f'<mujoco><include file="{inside}"/></mujoco>')
+    (tmp_path / "robot/leg.xml").write_text(LEG.replace("../meshes", "../robot"))
+    (tmp_path / "robot/a.obj").write_text(TET)
+    source = proposed(tmp_path / "cell/scene.xml", tmp_path).recipe.source
+    assert (source.path, source.mjcf) == (".", "cell/scene.xml")
+    assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
+
+
 LIMB = '<geom size=".1"/><body><joint/><geom size=".1"/></body>'
 
 

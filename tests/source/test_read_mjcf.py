@@ -259,6 +259,18 @@ def test_an_included_body_is_found_in_its_own_file(tmp_path: Path):
     assert reading.lines["link a"] == "arm/more.xml:3"
 
 
+@pytest.mark.parametrize("found", ["main", "near"])
+def test_a_nested_include_is_looked_for_beside_the_main_file_first(found: str, tmp_path: Path):
+    """So MuJoCo does."""
+    main, near = (robot(f'<body name="{n}"><geom size="1"/></body>') for n in ("main", "near"))
+    nested = '<mujoco><include file="b.xml"/></mujoco>'
+    files = {"parts__a_xml": nested, "parts__b_xml": near}
+    files |= {"b_xml": main} if found == "main" else {}
+    reading = read('<mujoco><include file="parts/a.xml"/></mujoco>', tmp_path, **files)
+    compiled = mujoco.MjModel.from_xml_path(f"{tmp_path}/in/tree/arm/robot.xml")
+    assert reading.links.root == compiled.body(1).name == found
+
+
 SCENE = """\
 <body name="table"><geom size=".5"/></body>
 <body name="hand" mocap="true"><geom size=".1" contype="0" conaffinity="0"/></body>

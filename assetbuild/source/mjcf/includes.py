@@ -42,9 +42,9 @@ class ListIncludes(Step):
             with suppress(SourceError):
                 root = _parsed(path, tree, None)
                 for element in [*root.iter("include"), *root.iterfind("asset/model")]:
-                    if element.get("file"):
-                        included = below(element, posixpath.dirname(main))
-                        waiting.append((included, main if element.tag == "include" else included))
+                    places = _places(element, main) if element.get("file") else ()
+                    attached = element.tag == "model"
+                    waiting += [(place, place if attached else main) for place in places]
         files.write_json("includes.json", sorted(wanted))
         return iter(())
 
@@ -60,8 +60,8 @@ def expanded(file: str, tree: Path, asked: Element | None = None) -> Element:
         raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)
     seen = {file}
     while (include := next(root.iter("include"), None)) is not None:
-        # MuJoCo looks for includes from the folder of the main file.
-        path = below(include, posixpath.dirname(file))
+        places = _places(include, file)
+        path = next((place for place in places if (tree / place).is_file()), places[0])
         if path in seen:
             raise error_at(include, f"`{path}` is included twice", "MuJoCo forbids it too")
         seen.add(path)
@@ -76,6 +76,14 @@ def expanded(file: str, tree: Path, asked: Element | None = None) -> Element:
         worlds[0].extend(list(other))
         root.remove(other)
     return root
+
+
+def _places(element: Element, main: str) -> tuple[str, ...]:
+    """Where MuJoCo looks for a file: in the folder of the main file, then beside the element's."""
+    first = below(element, posixpath.dirname(main))
+    with suppress(SourceError):  # it leads out of the source
+        return first, below(element, folder_of(element))
+    return (first,)
 
 
 def _parsed(path: str, tree: Path, include: Element | None) -> Element:
