@@ -16,7 +16,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.arrays import PARTS, write_meshes
 from assetbuild.mesh.material import ConvertedMesh, MaterialPart
 from assetbuild.mesh.picture import has_holes, picture_name, png_of
-from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
+from assetbuild.mesh.read import BY_TRIMESH, NO_MTL, VERTEX_COLOURS, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
     TriangleMesh,
     area,
@@ -53,6 +53,8 @@ TEXTURE_ALPHA = Rule(
 UNUSED_UV = Rule(
     "mesh.uv", "info", "texture coordinates that no texture uses were left out", "nothing"
 )
+LOOKS = {rule.id for rule in (TEXTURE, TEXTURE_ALPHA, UNUSED_UV, NO_MTL, VERTEX_COLOURS)}
+"""What is said of these is of no interest where nothing is drawn."""
 LINES_ONLY = Rule(
     "mesh.no_area",
     "warning",
@@ -90,6 +92,8 @@ class ConvertMesh(Step):
     """Names, as `mesh/companions.py` spells them, of the inputs `companions/0`, `.../1`, ..."""
     keep_uv: bool = False
     """Keep texture coordinates without a texture: the description brings one."""
+    drawn: bool = True
+    """Whether it is the mesh of a visual shape; of others nobody sees the looks."""
 
     def modules(self) -> tuple[str, ...]:
         """Few robots have meshes that trimesh reads, which takes half a second to import."""
@@ -97,6 +101,10 @@ class ConvertMesh(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Convert; raises StepError for a mesh that is broken, empty or not finite."""
+        found = self._converted(files)
+        return (finding for finding in found if self.drawn or finding.rule not in LOOKS)
+
+    def _converted(self, files: Files) -> Iterator[Finding]:
         companions = {
             name: (files.inputs / "companions" / str(number)).read_bytes()
             for number, name in enumerate(self.companions)

@@ -26,6 +26,8 @@ from assetbuild.robot.shapes import MeshFile, Role, SourceShape, SourceShapes
 from assetbuild.robot.sides import Side, side_of
 from assetbuild.source.plan import SourceFiles
 
+PLAIN = ("stl", "msh")
+"""Formats without colours: one conversion does for what is drawn and for what collides."""
 MESH = ("parts/", "mesh.json")
 """What the conversions write."""
 PIECES = ("pieces.npz", "pieces.json")
@@ -78,7 +80,8 @@ class Geometry:
                 scale=mesh.scale,
                 up_axis="honour" if mesh.path in self._turned else "ignore",
                 companions=tuple(named),
-                keep_uv=mesh.path in self._textured(),
+                keep_uv=mesh.path in self._drawn(textured=True),
+                drawn=format_of(mesh.path) in PLAIN or mesh.path in self._drawn(textured=False),
             )
             file = self._files.get(mesh.path) or self._p.source(Path(mesh.path))
             inputs = {"mesh": file}
@@ -104,13 +107,13 @@ class Geometry:
         self.subjects[label] = f"mesh {PurePosixPath(mesh.path).name if is_own else mesh.path}"
         return self._p.add(label, step, inputs)
 
-    def _textured(self) -> set[str]:
-        """Meshes that the description itself puts a texture on."""
-        textured = {m.name for m in self.shapes.materials if m.texture}
+    def _drawn(self, *, textured: bool) -> set[str]:
+        """Meshes that are seen; textured: those that the description itself puts a texture on."""
+        names = {m.name for m in self.shapes.materials if m.texture}
         return {
             shape.geometry.path
             for shape in self.shapes.of("visual")
-            if isinstance(shape.geometry, MeshFile) and shape.material in textured
+            if isinstance(shape.geometry, MeshFile) and (shape.material in names or not textured)
         }
 
     def _label(self, mesh: MeshFile) -> str:

@@ -169,6 +169,18 @@ def test_a_picture_that_appears_later_is_noticed(tmp_path: Path, monkeypatch: py
     assert "convert_mesh tile" in ran
 
 
+CORNER = b"mtllib no.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize("role", ["visual", "collision"])
+def test_the_looks_of_what_only_collides_are_of_no_interest(role: str, tmp_path: Path):
+    more = f'<{role}><geometry><mesh filename="meshes/c.obj"/></geometry></{role}></link>'
+    files = {"r.urdf": URDF.replace("</link>", more).encode(), "meshes/c.obj": CORNER}
+    recipe = laid_out(tmp_path, {**FILES, **files})
+    recipe.write_text(recipe.read_text().replace("none", "keep"))
+    assert ("mesh.no_mtl" in built(recipe)[2]) is (role == "visual")
+
+
 def test_a_picture_outside_of_the_source_is_not_followed(tmp_path: Path):
     (tmp_path / "secret.png").write_bytes(picture((1, 2, 3), (4, 5, 6), "PNG"))
     outside = MTL.replace("wood one.jpg", "../../../secret.png").encode()
