@@ -369,8 +369,8 @@ class Trials(mujoco.InMujoco):
         stood = stand(model, 0, ALONE_S)
         did = figures["untouched"] = outcome_figures(stood, ALONE_FALL)
         if did["outcome"] == "falls" and mujoco.turning(model):
-            on_points = stood.floats and not experiments.support(model).is_area
-            hint = ON_POINTS if on_points else ""
+            under = experiments.support(model)
+            hint = ON_POINTS if stood.floats and under.points and not under.is_area else ""
             yield FALL(
                 "robot" if stood.floats else f"actuator {stood.worst_held[0]}",
                 f"left alone it {did['sentence']}",

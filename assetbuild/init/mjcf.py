@@ -326,20 +326,21 @@ def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None
 
 
 def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
-    """Whether legs with drives stand on the floor, and how far above it `home` puts them, m.
+    """Whether legs whose drives hold them stand on the floor, and how far above it `home` is, m.
 
     The source's other keyframes are its own affair.
     """
     robot, control, legs = source.robot, source.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
-    has_drives = bool(legs) and all(j.name in driven for leg in legs for j in leg.joints)
-    if not has_drives or (named and "home" not in named):
-        return None, 0.0
+    has_drives = all(j.name in driven for leg in legs for j in leg.joints)
     home = control.initial_keyframe
+    if not legs or (named and "home" not in named) or not (has_drives or home):
+        return None, 0.0
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
     with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
-        trial = stage.attempt((), pose, control.simulation.timestep, driven_by=control)
+        step = control.simulation.timestep
+        trial = stage.attempt((), pose, step, driven_by=control) if has_drives else None
         if home is None or home.base is None or home.turns or control.loops:
             return trial, 0.0
         ground = Ground(robot.tree, stage.shapes, stage.ports.folder / "meshes")

@@ -117,12 +117,14 @@ def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
     assert hip == pytest.approx(-knee / 2.0, abs=0.02)
 
 
+@pytest.mark.parametrize("drive", ['<position joint="{}" kp="80" kv="4"/>', '<motor joint="{}"/>'])
 @pytest.mark.parametrize(("height", "raised"), [(0.371, False), (0.35, True), (0.4, True)])
-def test_a_home_that_is_not_on_the_floor_is_put_there(height: float, raised: bool, tmp_path: Path):
+def test_a_home_that_is_not_on_the_floor_is_put_there(
+    height: float, raised: bool, drive: str, tmp_path: Path
+):
     """The legs reach 2 * 0.2 cos(0.5) + 0.02 m below the trunk, and a build would not be ready."""
     legs = [f"{leg}_{joint}" for leg in "abcd" for joint in ("hip", "knee")]
-    drives = "".join(f'<position joint="{name}" kp="80" kv="4"/>' for name in legs)
-    pose = "0.5 -1 " * 4
+    drives, pose = "".join(map(drive.format, legs)), "0.5 -1 " * 4
     home = f'<key name="home" qpos="0 0 {height} 1 0 0 0 {pose}" ctrl="{pose}"/>'
     more = f"<actuator>{drives}</actuator><keyframe>{home}</keyframe>"
     made = proposed(dog(more), tmp_path)
