@@ -172,6 +172,9 @@ FOUND = {
         "arm.urdf", arm("file://meshes/cad/a.obj"), {"meshes/cad/a.obj": OBJ},
         {"absolute": None, "patches": None, "missing": None},
     ),
+    "a package without a name": (
+        "arm.urdf", arm("package://a.obj"), {"a.obj": OBJ}, {"packages": None, "missing": None},
+    ),
     "two slashes and the file alone": (
         "arm.urdf", arm("file://a.obj"), {"a.obj": OBJ},
         {"absolute": None, "patches": None, "missing": None},
@@ -181,6 +184,7 @@ FOUND = {
 REPORTED = {
     "a name that starts from the package": ("urdf.path", "taken to start at `.`, 1 times"),
     "a path of the author": ("urdf.path", "meshes/a.obj"),
+    "a package without a name": ("urdf.path", "without a package was taken to start at `.`"),
     "a package of which nothing is read": ("xacro.package_missing", "arm_control"),
     "a missing visual": ("urdf.visual.missing", "none.obj"),
 }

@@ -75,7 +75,13 @@ class Paths:
         """(kind, how it was taken, path), before the path is normalised."""
         match = _SCHEME.match(uri)
         scheme = match[1] if match else ""
+        start = self.relative_to if self.relative_to is not None else posixpath.dirname(self.file)
+        shown = f"was taken to start at `{start or '.'}`"
         if scheme in ("package", "model"):
+            bare = uri.removeprefix(f"{scheme}:").lstrip("/")
+            if "/" not in bare:
+                meant = posixpath.join(start, bare)
+                return "bare", f"`{scheme}://` without a package {shown}", meant
             path = self._in_package(node, uri, uri.removeprefix(f"{scheme}:"))
             assumption = "`model://` was taken for `package://`" if scheme == "model" else ""
             return scheme, assumption, path
@@ -94,11 +100,9 @@ class Paths:
             here = self.absolute[known]
             assumption = f"`{known}` was taken for the folder `{here}`"
             return known, assumption, posixpath.join(here, there[len(known) + 1 :])
-        start = self.relative_to if self.relative_to is not None else posixpath.dirname(self.file)
         whole = posixpath.join(start, plain)
         if scheme:
-            assumption = f"`file:` without an absolute path was taken to start at `{start}`"
-            return "file", assumption, whole
+            return "file", f"`file:` without an absolute path {shown}", whole
         if self.relative_to is None or start == posixpath.dirname(self.file):
             return "", "", whole
         return "relative", f"relative names were taken to start at `{start}`", whole
