@@ -57,7 +57,8 @@ UNSTABLE = Rule(
 UNDERDAMPED = Rule(
     "gains.underdamped",
     "warning",
-    "the joint rings: its damping ratio is below 0.1, with kd and damping summed",
+    "the joint rings: its damping ratio is below 0.1, with kd and damping summed, and dry friction "
+    "as at a swing of 0.1 rad",
     "raise kd; a damping ratio of 0.5 to 2 suits most joints",
 )
 OVERDAMPED = Rule(
@@ -239,13 +240,15 @@ class Gains(Check):
 
     def _judge_damping(self, actuator: Actuator, one: Effective) -> Iterator[Finding]:
         """Far above a ratio of 1, a step is followed as exp(-t kp / damping): a light joint that is
-        damped so follows in no time all the same.
+        damped so follows in no time all the same. Dry friction F takes 4 F A from a swing of A, as
+        much as a damping ratio of 2 F / (pi kp A) does.
         """
         subject, ratio = f"actuator {actuator.joint}", one.damping_ratio
         least, most = self.damping_ratio
         kp, kd, damping = actuator.kp, actuator.kd, actuator.kd + actuator.damping
         data: Data = {"damping_ratio": ratio, "frequency_hz": one.frequency_hz}
-        if ratio is not None and ratio < least:
+        dry = 2.0 * actuator.friction / (math.pi * one.per_tenth_rad) if kp else 0.0
+        if ratio is not None and ratio + dry < least:
             message = f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it rings"
             yield UNDERDAMPED(subject, message, data=data)
         if ratio is not None and ratio > most and damping > self.lag * kp:

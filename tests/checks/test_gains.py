@@ -85,6 +85,15 @@ def test_a_joint_creeps_by_its_damping_and_by_how_long_it_takes(
         assert each.data["lag_s"] == pytest.approx(2 * ratio * math.sqrt(ROD / kp), rel=1e-3)
 
 
+@pytest.mark.parametrize(("friction", "rings"), [(0.2, True), (0.8, False)])
+def test_dry_friction_stops_a_joint_without_damping(
+    friction: float, rings: bool, tmp_path: Path
+) -> None:
+    """Each half of a swing is shorter by 2 F / kp: 0.1 rad ends after ten of them, or after two."""
+    findings, _ = evaluate(arm(kd=0.0, friction=friction), tmp_path)
+    assert ("gains.underdamped" in rules(findings)) == rings
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 def test_the_margin_is_where_mujoco_diverges(
