@@ -264,25 +264,27 @@ def read_points(
     """
     if not isinstance(geometry, MeshFile):
         return tessellate(geometry).vertices, None
-    path, subject = root / geometry.path, geometry.path
-    format = FORMATS.get(path.suffix.lower())
     try:
-        if format is None or path.stat().st_size > LARGEST:
-            return None
-        data = path.read_bytes()
-        beside = buffers(path, data)
-        read = read_mesh(data, format, companions=beside, up_axis=up_axis, subject=subject)
+        format, data, beside = mesh_file(root / geometry.path)
+        read = read_mesh(data, format, companions=beside, up_axis=up_axis, subject=geometry.path)
     except (StepError, OSError):
         return None
     used = [part.mesh.vertices[part.mesh.is_used] for part in read.parts]
     return np.concatenate(used) * np.array(geometry.scale), read.up_axis
 
 
-def buffers(path: Path, data: bytes) -> dict[str, bytes]:
-    """What a glTF keeps in other files, by name; its pictures say nothing of its shape."""
-    names = companions_of(data, "gltf") if path.suffix.lower() == ".gltf" else ()
+def mesh_file(path: Path) -> tuple[Format, bytes, dict[str, bytes]]:
+    """Its format and content; those of a glTF's buffers by name, without pictures.
+
+    OSError for a mesh that is left to the build.
+    """
+    format = FORMATS.get(path.suffix.lower())
+    if format is None or path.stat().st_size > LARGEST:
+        raise OSError(f"left to the build: {path}")
+    data = path.read_bytes()
+    names = companions_of(data, "gltf") if format == "gltf" else ()
     files = {name: path.parent / name for name in names if not name.lower().endswith(PICTURES)}
-    return {name: file.read_bytes() for name, file in files.items() if file.is_file()}
+    return format, data, {n: file.read_bytes() for n, file in files.items() if file.is_file()}
 
 
 def turned(robot: InspectedRobot) -> frozenset[str]:

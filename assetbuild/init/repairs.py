@@ -19,15 +19,7 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.grouping import grouped
 from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
-from assetbuild.init.look import (
-    FORMATS,
-    LARGEST,
-    InspectedRobot,
-    buffers,
-    not_in_usd,
-    wrong_links,
-    zeroed,
-)
+from assetbuild.init.look import InspectedRobot, mesh_file, not_in_usd, wrong_links, zeroed
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.plugin_types import Edit
 from assetbuild.plugins import load_plugin
@@ -312,16 +304,13 @@ def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
     """The meshes that the edit reads, where it looks for them. Raises OSError for a huge one."""
     for index, shape in enumerate(edit.meshes(robot.shapes)):
         assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # that is what it asked for
-        path = robot.root / shape.geometry.path
-        if path.stat().st_size > LARGEST or path.suffix.lower() not in FORMATS:
-            raise OSError(f"left to the build: {shape.geometry.path}")
+        format, data, beside = mesh_file(robot.root / shape.geometry.path)
         mesh_ports = Scratch(ports.folder / "mesh" / str(index))
-        beside = buffers(path, data := path.read_bytes())
         mesh_ports.put("mesh", data)
         for number, content in enumerate(beside.values()):
             mesh_ports.put(f"companions/{number}", content)
         convert = ConvertMesh(
-            format=FORMATS[path.suffix.lower()],
+            format=format,
             scale=shape.geometry.scale,
             up_axis="honour" if shape.geometry.path in robot.turned else "ignore",
             companions=tuple(beside),
