@@ -311,7 +311,8 @@ def _refused(
     beside = sorted(near.iterdir()) if near.is_dir() else ()
     meshes = [file.name for file in beside if file.suffix[1:].lower() in FORMATS]
     names = [str(PurePosixPath(first["path"]).parent / name) for name in meshes]
-    close = nearest(first["path"], set(names) - set(named))
+    parts = {name for name in names if _unnumbered(name) != _unnumbered(first["path"])}
+    close = nearest(first["path"], parts - set(named))
     lack, meant = lacking(source.root, first["path"])
     more = f" (and {len(others)} more: {quoted(others, 3)})" if others else ""
     return SourceError(
@@ -321,6 +322,11 @@ def _refused(
         if close
         else meant or f"the source holds {lack}: copy or clone all of it",
     )
+
+
+def _unnumbered(name: str) -> str:
+    """The name without its numbers: `link_3` is no misspelt `link_2`, but another part."""
+    return re.sub(r"\d+", "", name)
 
 
 # --- patches --------------------------------------------------------------------------------

@@ -374,3 +374,11 @@ def test_a_build_without_init_says_how_the_file_is_called(tmp_path: Path):
     recipe.write_text("".join(kept))
     with pytest.raises(SourceError, match=r"did you mean `my a\.obj`"):
         check(recipe)
+
+
+@pytest.mark.parametrize(("there", "meant"), [("link2.obj", False), ("link1_low.obj", True)])
+def test_a_part_of_another_number_is_not_what_was_meant(there: str, meant: bool, tmp_path: Path):
+    lay(tmp_path, {"arm.urdf": solid("link1.obj"), there: OBJ})
+    with pytest.raises(SourceError) as raised:
+        proposed(tmp_path, "arm.urdf")
+    assert ("did you mean" in str(raised.value)) is meant
