@@ -206,25 +206,25 @@ class _Painted:
         if texture is None:
             return part
         if part.mesh.uv is None:
-            self._lose(texture, "has no texture coordinates to lie on")
+            self._lose(texture, "has no texture coordinates to lie on", "unwrap the mesh")
             return replace(part, material=replace(part.material, texture=None))
         if texture not in self._files:
             self._files[texture] = self._written(texture)
         return replace(part, material=replace(part.material, texture=self._files[texture]))
 
-    def _lose(self, texture: str, why: str) -> None:
+    def _lose(self, texture: str, why: str, hint: str) -> None:
         message = f"the texture `{texture}` {why}: its part is drawn in one colour"
-        hint = "paths start at the folder of the file that names the texture"
         self.lost[texture] = TEXTURE("mesh", message, hint, data={"texture": texture})
 
     def _written(self, texture: str) -> str | None:
         if texture not in self._pictures:
-            self._lose(texture, "is not in the source")
+            hint = "paths start at the folder of the file that names the texture"
+            self._lose(texture, "is not in the source", hint)
             return None
         try:
             png = png_of(self._pictures[texture], texture)
         except ValueError as error:
-            self._lose(texture, f"is not readable as a picture ({error})")
+            self._lose(texture, f"is not readable as a picture ({error})", "save it as PNG or JPEG")
             return None
         if has_holes(png):
             message = (

@@ -278,3 +278,4 @@ def test_a_texture_without_coordinates_is_told(tmp_path):
     record, _, findings, _ = convert_worn(tmp_path, saved(), bare)
     assert record.materials[0].texture is None
     assert "no texture coordinates" in findings[0].message
+    assert findings[0].hint == "unwrap the mesh"
