@@ -79,6 +79,20 @@ def test_of_several_robots_in_one_world_the_first_is_proposed(tmp_path: Path):
     assert "# or bee: one recipe builds one robot" in made.text
 
 
+POST = '<body name="post"><geom size=".1"/></body>'
+BALL = '<body name="ball"><freejoint/><geom size=".1"/></body>'
+DRONE = '<body name="drone"><freejoint/><geom size=".1"/><body><geom size=".1"/></body></body>'
+
+
+@pytest.mark.parametrize(("world", "body"), [(POST + BALL + DRONE, "drone"), (POST + DRONE, None)])
+def test_where_nothing_is_driven_what_floats_is_the_robot(
+    world: str, body: str | None, tmp_path: Path
+):
+    made = proposed(f"<mujoco><worldbody>{world}</worldbody></mujoco>", tmp_path)
+    assert made.recipe.source.body == body
+    assert "2 bodies" in made.text and "base: floating" in made.text
+
+
 FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name="palm"><geom size=".04" mass=".3"/><body name="near" pos="0 0 .05"><joint name="knuckle" axis="0 1 0" range="0 90" armature="0.0003"/><geom size=".01" mass=".02"/></body></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
 
 

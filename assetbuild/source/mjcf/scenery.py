@@ -65,7 +65,9 @@ _Names = set[_Name]
 
 
 class SeveralRobotsError(SourceError):
-    """The file holds several robots. names: of their bodies in the world, in file order."""
+    """The file holds several robots. names: of their bodies in the world, in file order; of what
+    only floats, that of most parts first.
+    """
 
     def __init__(self, at: Element, message: str, names: tuple[str, ...]) -> None:
         hint = f"choose one in the recipe, `source: {{body: ...}}`: {', '.join(names[:8])}"
@@ -190,13 +192,13 @@ def _robot(
         return tuple(solid)
     driven = _driven(root, solid)
     moving = tuple(name for name, kinds in joints.items() if kinds - {"free"})
-    robots = driven or moving
-    if len(robots) == 1 or (robots and not set(robots) & set(floating)):
+    loose = sorted(floating, key=lambda name: -len(_whole(solid[name])))
+    robots = driven or moving or tuple(loose)
+    if len(robots) == 1 or not set(robots) & set(floating):
         return robots
-    names = robots or tuple(solid)
-    what = "robots" if robots else "bodies, none of them driven,"
-    message = f"{len(names)} {what} in the world, and a recipe builds one"
-    raise SeveralRobotsError(solid[names[-1]], message, names)
+    what = "robots" if driven or moving else "bodies, none of them driven,"
+    message = f"{len(robots)} {what} in the world, and a recipe builds one"
+    raise SeveralRobotsError(solid[robots[-1]], message, robots)
 
 
 def _kind(joint: Element, classes: Classes) -> str:
