@@ -302,7 +302,7 @@ class Trials(mujoco.InMujoco):
             if depth > START_M or (depth >= DEEP_M and pairs.get((a, b), 0.0) < self.always):
                 yield OVERLAP(
                     f"link {a}",
-                    f"lies {depth * 1e3:.3g} mm in {b} where it starts: PhysX throws them apart",
+                    f"lies {depth * 1e3:.3g} mm in {b} where it starts: they are thrown apart",
                     hint=f"another pose, `collision.exclude.pairs: [[{a}, {b}]]`, or smaller "
                     "shapes",
                     data={"depth_m": depth, "limit_m": START_M},
