@@ -50,7 +50,10 @@ class Answers:
     def _by(self, finding: Finding, *, gone: bool) -> tuple[str, ...]:
         """What of the recipe answers a finding; gone: the edited robot gives no cause for it."""
         if gone:
-            edits = self.edits.get(finding.subject) or chain.from_iterable(self.edits.values())
+            kind = finding.subject.partition(" ")[0]  # a joint that mimics is answered by another
+            alike = [pairs for on, pairs in self.edits.items() if on.partition(" ")[0] == kind]
+            others = chain.from_iterable(alike or self.edits.values())
+            edits = self.edits.get(finding.subject) or others
             return tuple(dict.fromkeys(name for name, _ in edits))
         missing, given = _listed(finding, "missing"), self._given(finding.subject)
         if {*missing} - given.keys():

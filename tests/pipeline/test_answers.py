@@ -16,7 +16,7 @@ WEAK = '<limit lower="-1" upper="1" effort="0" velocity="5"/>'
 
 
 def found(
-    tmp_path: Path, limit: str, edits: str = "[]", weight: str = "", rows: str = ""
+    tmp_path: Path, limit: str, edits: str = "[]", weight: str = "", rows: str = "", mimic: str = ""
 ) -> dict[str, Finding]:
     """What `check` says of an arm of two joints, by rule and subject."""
     text = robot(
@@ -24,7 +24,7 @@ def found(
         link("one", weight or inertial()),
         joint("j1", "base", "one", content=limit),
         link("two"),
-        joint("j2", "one", "two", content=LIMIT),
+        joint("j2", "one", "two", content=(limit if mimic else LIMIT) + mimic),
     )
     (tmp_path / "r.urdf").write_text(text)
     recipe = tmp_path / "r.yaml"
@@ -85,6 +85,13 @@ def test_an_edit_of_something_else_answers_nothing(
     limit: str, weight: str, edits: str, key: str, tmp_path: Path
 ):
     assert found(tmp_path, limit, edits, weight)[key].severity == "warning"
+
+
+def test_a_joint_that_mimics_is_answered_by_an_edit_of_a_joint(tmp_path: Path):
+    unit = '<limit lower="-1" upper="1" effort="9" velocity="5"/>'
+    edits = "[{balance_inertia: {link: one}}, {set_limits: {joint: j1, lower: -0.5, upper: 0.5}}]"
+    said = found(tmp_path, unit, edits, BAD, mimic='<mimic joint="j1" multiplier="2"/>')
+    assert said["joint.mimic_limits joint j2"].data["answered_by"] == ("set_limits",)
 
 
 def test_what_an_edit_breaks_is_found(tmp_path: Path):
