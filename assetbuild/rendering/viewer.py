@@ -9,7 +9,7 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -173,12 +173,18 @@ def _shapes(
     tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh]
 ) -> list[dict[str, object]]:
     colours = {material.name: material.rgba for material in shapes.materials}
-    solids: dict[str, list[Distance]] = {}
+    solids: dict[str, list[tuple[Array, Distance]]] = {}
     for shape in shapes.of("collision"):
         body, X_body_shape = tree.shape_placement(shape)
         geometry = shape.geometry
-        solid = meshes[geometry.mesh].vertices if isinstance(geometry, Mesh) else geometry
-        solids.setdefault(body, []).append(distance_to(solid, X_body_shape))
+        reach = np.array([[-np.inf], [np.inf]])
+        if isinstance(geometry, Mesh):
+            points = X_body_shape.apply(meshes[geometry.mesh].vertices)
+            reach = np.array([points.min(axis=0) - SPAN_M, points.max(axis=0) + SPAN_M])
+            distance = distance_to(meshes[geometry.mesh].vertices, X_body_shape)
+        else:
+            distance = distance_to(geometry, X_body_shape)
+        solids.setdefault(body, []).append((reach, distance))
     rows = []
     for shape in shapes.shapes:
         body, X_body_shape = tree.shape_placement(shape)
@@ -194,10 +200,19 @@ def _shapes(
         }
         if shape.role == "visual" and isinstance(shape.geometry, Mesh) and body in solids:
             points = X_body_shape.apply(meshes[shape.geometry.mesh].vertices)
-            nearest = np.min([distance(points) for distance in solids[body]], axis=0)
-            row["distance"] = _base64(in_bytes(nearest))
+            row["distance"] = _base64(in_bytes(nearest(points, solids[body])))
         rows.append(row)
     return rows
+
+
+def nearest(points: Array, solids: Iterable[tuple[Array, Distance]]) -> Array:
+    """(n,) distance from the nearest solid up to SPAN_M, m. solids: with the box they reach to."""
+    least = np.full(len(points), SPAN_M)
+    for (lower, upper), distance in solids:
+        near = ((points >= lower) & (points <= upper)).all(axis=1)
+        if near.any():  # a body of a hundred parts takes minutes otherwise
+            least[near] = np.minimum(least[near], distance(points[near]))
+    return least
 
 
 def in_bytes(distance_m: Array) -> NDArray[np.uint8]:

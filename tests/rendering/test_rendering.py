@@ -28,7 +28,7 @@ from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.rendering.plan import renderer
 from assetbuild.rendering.render import MARGIN, Render, draw_all, ellipsoid_points, fitted
 from assetbuild.rendering.studio import BACKGROUND
-from assetbuild.rendering.viewer import SPAN_M, Viewer, in_bytes, lightened, three_js
+from assetbuild.rendering.viewer import SPAN_M, Viewer, in_bytes, lightened, nearest, three_js
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose
@@ -125,6 +125,20 @@ def test_the_view_tells_how_far_visual_and_collision_are_apart(tmp_path: Path):
     distance = np.frombuffer(base64.b64decode(row["distance"]), dtype=np.uint8)
     told = (distance.astype(float) - 128) / 127 * SPAN_M
     assert told == pytest.approx(0.01, abs=SPAN_M / 127)
+
+
+def test_only_what_is_near_a_solid_is_measured_from_it():
+    """A body of a hundred parts took minutes."""
+    asked = []
+
+    def distance(points: np.ndarray) -> np.ndarray:
+        asked.append(len(points))
+        return np.zeros(len(points))
+
+    points = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    boxes = np.array([[0.4] * 3, [0.6] * 3]) * [1, 0, 0], np.full((2, 3), 9.0)
+    assert nearest(points, [(box, distance) for box in boxes]).tolist() == [SPAN_M, 0.0, SPAN_M]
+    assert asked == [1]
 
 
 def test_the_view_holds_boxes_and_packed_points(tmp_path: Path):
