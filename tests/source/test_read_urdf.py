@@ -156,6 +156,7 @@ BAD = {
     "material twice": (robot('<material name="m"><color rgba="1 0 0 1"/></material>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
     "no name": (robot("<link/>"), 2, "<link> without `name`"),
     "joint type": (_arm(_joint(kind="revolut")), 3, "hint: did you mean `revolute`?"),
+    "no joint type": (_arm('<joint name="j"><parent link="a"/><child link="b"/></joint>'), 3, "joint j: <joint> without `type`\nhint: choose one: `"),
     "joint type of PyBullet": (_arm(_joint(kind="spherical")), 3, "hint: PyBullet's ball joint"),
     "no parent": (_arm('<joint name="j" type="fixed"><child link="b"/></joint>'), 3, "joint j: <joint> without <parent>"),
     "no child": (_arm('<joint name="j" type="fixed"><parent link="a"/></joint>'), 3, "joint j: <joint> without <child>"),

@@ -68,6 +68,8 @@ TWO_PARENTS = (
 
 def read_joint(name: str, node: Node, joint_names: set[str], links: Mapping[str, Node]) -> Joint:
     """One joint; its parent and child must be in `links`, a mimicked joint in `joint_names`."""
+    if node.get("type") is None:
+        raise node.error("<joint> without `type`", f"choose one: {quoted(KINDS, len(KINDS))}")
     kind = node.text("type")
     if kind not in KINDS:
         hint = did_you_mean(kind, KINDS)
