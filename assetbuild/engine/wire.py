@@ -95,7 +95,7 @@ def perform(
 
 def error_of_exception(error: BaseException, label: str, limits: Limits) -> AssetBuildError:
     """The sentence for an exception that the step did not mean to raise."""
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or "not allocate memory" in str(error):  # as MuJoCo says it
         return StepError(
             f"step `{label}` ran over its memory limit of {limits.memory_mb} MB",
             hint="simplify the input of this step",

@@ -27,6 +27,8 @@ from steps_for_tests import (
 from assetbuild.engine import children
 from assetbuild.engine.children import Children
 from assetbuild.engine.processes import Processes
+from assetbuild.engine.step import Limits
+from assetbuild.engine.wire import error_of_exception
 from assetbuild.errors import MachineError, SourceError, StepError, Where
 
 pytestmark = pytest.mark.own_workers
@@ -218,3 +220,8 @@ def test_declared_memory_bounds_what_runs_at_once(
     monkeypatch.setattr(Processes, "memory_mb", memory_mb)
     results = together(session, steps, jobs=3)
     assert sorted(session.read(results[label]["out"]) for label in "01") == met
+
+
+def test_a_library_without_memory_is_no_bug_of_the_step():
+    error = error_of_exception(RuntimeError("Could not allocate memory"), "x", Limits(memory_mb=9))
+    assert str(error).startswith("step `x` ran over its memory limit of 9 MB")

@@ -7,12 +7,12 @@ import math
 import mujoco
 import pytest
 
-from assetbuild.robot.model import Actuator
+from assetbuild.robot.model import Actuator, Control
 from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.mujoco import motion as mujoco_motion
 from assetbuild.simulators.mujoco import stand as mujoco_stand
 from assetbuild.simulators.mujoco import trials as mujoco_trials
-from assetbuild.simulators.mujoco.drives import read_drives, torque_on
+from assetbuild.simulators.mujoco.drives import read_drives, servoed, torque_on
 
 ARM = """<mujoco><option gravity="0 0 0"/><worldbody><body name="arm">
 <joint name="elbow" type="{kind}" axis="0 0 1" {joint}/><geom size="0.1" mass="1"/>
@@ -157,3 +157,11 @@ def test_the_load_of_a_joint_counts_the_gear_and_its_own_limit() -> None:
     )
     stood = mujoco_stand.stand(mujoco.MjModel.from_xml_string(text), "home", 0.01)
     assert stood.load == {"elbow": pytest.approx(1.0)}
+
+
+def test_a_model_without_laws_outside_of_it_is_not_copied():
+    """A model of hundreds of meshes has nearly a gigabyte."""
+    model = mujoco.MjModel.from_xml_string(ARM.format(kind="hinge", joint="", actuators=SERVO))
+    drives = {law: Control(actuators=(Actuator("elbow", model=law),)) for law in ("pd", "ideal_pd")}
+    assert servoed(model, drives["pd"]) is model
+    assert servoed(model, drives["ideal_pd"]) is not model

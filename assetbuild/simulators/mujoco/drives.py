@@ -133,12 +133,16 @@ def drive_as(model: Model, gains: Mapping[str, Actuator], *, others: bool = True
 
 
 def servoed(model: Model, control: Control, laws: Collection[str] = OUTSIDE) -> Model:
-    """A copy in which servos stand in for the drives whose law (`Actuator.model`) is outside.
+    """A copy in which servos stand in for the drives whose law (`Actuator.model`) is outside; the
+    model itself where there are none.
 
     How such a law does in steps of its own, `gains.unstable` says.
     """
+    outside = {a.joint: a for a in control.actuators if a.model in laws}
+    if not outside:
+        return model
     changed = copy.copy(model)
-    drive_as(changed, {a.joint: a for a in control.actuators if a.model in laws})
+    drive_as(changed, outside)
     return changed
 
 
