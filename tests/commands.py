@@ -50,6 +50,14 @@ def run(
     return subprocess.CompletedProcess(shlex.join(["assetbuild", *words]), code, out, err)
 
 
+def is_alive(pid: int) -> bool:
+    """Whether the process runs; one that ended and that nobody waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 def _needs_a_python_of_its_own(env: Mapping[str, str]) -> bool:
     names = {name for name in (*env, *os.environ) if name.startswith(READ_BY_PYTHON)}
     return any(env.get(name) != os.environ.get(name) for name in names)

@@ -74,6 +74,14 @@ class Place:
     def build(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
         return self.run("build", self.name, *words, **environment)
 
+    def refused(self, *words: str, code: int = 2, **environment: str) -> str:
+        """Standard error of a command that the user has to mend: one error, and no traceback."""
+        done = self.run(*words, **environment)
+        assert done.returncode == code, done.stdout + done.stderr
+        assert "Traceback" not in done.stdout + done.stderr
+        assert done.stderr.count("error: ") == 1, done.stderr
+        return done.stderr
+
     def steps(self) -> dict[str, str]:
         """Status of each step in the last build."""
         log = json.loads(self.bundle.with_name(f"{self.bundle.name}.run.json").read_text())

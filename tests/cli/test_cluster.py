@@ -31,6 +31,5 @@ def test_a_cluster_builds_the_same_bundle(legs: Place, tmp_path: Path):
 
 
 def test_a_cluster_without_a_shared_cache_is_a_wrong_command(legs: Place):
-    done = legs.build("--executor", "dask://127.0.0.1:9")
-    assert done.returncode == 2
-    assert "need `--remote URL` and `--cache-write`" in done.stderr
+    told = legs.refused("build", legs.name, "--executor", "dask://127.0.0.1:9")
+    assert "need `--remote URL` and `--cache-write`" in told

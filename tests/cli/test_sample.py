@@ -37,9 +37,8 @@ def test_three_robots_load_and_differ_as_drawn(place):
 
 
 def test_a_recipe_without_ranges_says_what_to_add(legs):
-    done = legs.run("sample", "legs.yaml")
-    assert done.returncode == 2
-    assert "has no `randomize`" in done.stderr and "hint: add" in done.stderr
+    told = legs.refused("sample", "legs.yaml")
+    assert "has no `randomize`" in told and "hint: add" in told
 
 
 @pytest.mark.parametrize(
@@ -52,17 +51,14 @@ def test_a_recipe_without_ranges_says_what_to_add(legs):
 )
 def test_wrong_ranges_are_told_with_their_line(warm_legs, ranges, message):
     warm_legs.edit("\ntargets:", f"\nrandomize: {ranges}\ntargets:")
-    done = warm_legs.run("sample", "legs.yaml")
-    assert done.returncode == 2
-    assert message in done.stderr and "legs.yaml:" in done.stderr
-    assert "Traceback" not in done.stderr
+    told = warm_legs.refused("sample", "legs.yaml")
+    assert message in told and "legs.yaml:" in told
 
 
 @pytest.mark.parametrize("verb", ["sample", "bench"])
 def test_an_edit_that_fails_is_told_with_its_line(warm_legs, verb):
     twins = "edits: [{rename: {links: {'.*_foot': foot}}}]"
     warm_legs.edit("\ntargets:", f"\n{twins}\nrandomize: {{friction: [0.5, 1]}}\ntargets:")
-    done = warm_legs.run(verb, "legs.yaml")
-    assert done.returncode == 2
-    assert "legs.yaml:8:10: rename: the links `" in done.stderr, done.stderr
-    assert "hint: a narrower pattern" in done.stderr
+    told = warm_legs.refused(verb, "legs.yaml")
+    assert "legs.yaml:8:10: rename: the links `" in told
+    assert "hint: a narrower pattern" in told

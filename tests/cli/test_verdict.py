@@ -39,15 +39,9 @@ def test_a_robot_that_nothing_drives_is_not_ready(warm_legs: Place, rows: str):
 
 def test_a_robot_that_nothing_drives_on_purpose_is_ready_with_a_reason(warm_legs: Place):
     warm_legs.edit(TABLE, "actuators: []\n" + REASON)
-    assert verdict(warm_legs, 0)["ready"]
-
-
-def test_trainers_are_named_with_the_command_that_tries_them(warm_legs: Place):
-    trainers = verdict(warm_legs, 0)["trainers"]
-    assert {name: one["status"] for name, one in trainers.items()} == dict.fromkeys(
-        ("isaaclab", "mjlab", "newton"), "not tried"
-    )
-    assert trainers["mjlab"]["command"] == "assetbuild smoke legs.yaml --consumer mjlab"
+    told = verdict(warm_legs, 0)
+    assert told["ready"]
+    assert told["trainers"]["mjlab"]["command"] == "assetbuild smoke legs.yaml --consumer mjlab"
 
 
 @pytest.mark.parametrize(

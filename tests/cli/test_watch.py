@@ -34,38 +34,34 @@ class Watching:
         for line in self.process.stdout:
             self._lines.put(line)
 
-    def until(self, is_it: Callable[[str], bool]) -> str:
-        """All lines up to the first that is it."""
+    def until(self, beginning: str) -> str:
+        """All lines up to the first that has these words."""
         text = ""
-        while True:
-            line = self._lines.get(timeout=120)
-            text += line
-            if is_it(line):
-                return text
+        while beginning not in text:
+            text += self._lines.get(timeout=120)
+        return text
 
     def waits(self) -> str:
-        return self.until(lambda line: line.startswith("watching "))
-
-
-def watched(legs: Place) -> Iterator[Watching]:
-    started = Watching(legs)
-    yield started
-    started.process.kill()
-    started.process.wait()
+        return self.until("watching ")
 
 
 @pytest.fixture
-def watching(legs: Place) -> Iterator[Watching]:
-    yield from watched(legs)
+def watched() -> Iterator[Callable[[Place], Watching]]:
+    started = []
 
+    def watch(legs: Place) -> Watching:
+        started.append(Watching(legs))
+        return started[-1]
 
-@pytest.fixture
-def watching_what_is_built(warm_legs: Place) -> Iterator[Watching]:
-    yield from watched(warm_legs)
+    yield watch
+    for each in started:
+        each.process.kill()
+        each.process.wait()
 
 
 @pytest.mark.slow
-def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Place, watching: Watching):
+def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Place, watched):
+    watching = watched(legs)
     assert " ran, 0 cached" in watching.waits()
     legs.edit("kp: 20", "kp: 30")
     told = watching.waits()
@@ -86,11 +82,11 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Place, watchin
     assert "] read_urdf" in told
     watching.process.send_signal(signal.SIGINT)
     assert watching.process.wait(10) == 0
-    assert watching.until(lambda line: "stopped watching" in line)
+    assert watching.until("stopped watching")
 
 
-def test_a_source_that_breaks_is_watched_on(warm_legs: Place, watching_what_is_built: Watching):
-    watching = watching_what_is_built
+def test_a_source_that_breaks_is_watched_on(warm_legs: Place, watched):
+    watching = watched(warm_legs)
     watching.waits()
     whole = warm_legs.urdf.read_text()
     warm_legs.urdf.write_text(whole[:200])
@@ -100,7 +96,8 @@ def test_a_source_that_breaks_is_watched_on(warm_legs: Place, watching_what_is_b
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Place, watching: Watching):
-    watching.until(lambda line: ": [1/" in line)
+def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Place, watched):
+    watching = watched(legs)
+    watching.until(": [1/")
     watching.process.send_signal(signal.SIGINT)
     assert watching.process.wait(20) == 130

@@ -75,14 +75,6 @@ def calling(module: str, call: str) -> list[str]:
     return [sys.executable, "-c", program]
 
 
-def is_alive(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
-
-
 class Machine:
     """A store of its own, and what it was warned of."""
 

@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 import pytest
-from builds_for_tests import is_alive, one, together
+from builds_for_tests import one, together
+from commands import is_alive
 from steps_for_tests import (
     Big,
     DiesOnce,

@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from builds_for_tests import chain, is_alive, one, together
+from builds_for_tests import chain, one, together
+from commands import is_alive
 from steps_for_tests import (
     Meet,
     Misbehave,
