@@ -31,14 +31,22 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def write(world: World, folder: Path) -> bool:
+    """Record a build that asked this, in a file of `folder`."""
+    return noop_build.write(
+        str(folder / "record"),
+        options="",
+        asked=world.record,
+        exit_code=0,
+        summary="",
+        began_ns=time.time_ns(),
+    )
+
+
 def recorded(world: World, folder: Path) -> Callable[[], bool]:
     """Record a build that asked this; then: would the same build do nothing now?"""
-    record = str(folder / "record")
-    began = time.time_ns()
-    assert noop_build.write(
-        record, options="", asked=world.record, exit_code=0, summary="", began_ns=began
-    )
-    return lambda: noop_build.check(record, "") is not None
+    assert write(world, folder)
+    return lambda: noop_build.check(str(folder / "record"), "") is not None
 
 
 def test_a_question_is_asked_once_and_parts_share_the_answer(folder: Path):
@@ -208,7 +216,8 @@ def test_a_world_that_changed_during_the_build_leaves_no_record(folder: Path):
         world = World()
         ask_all(world, folder)
         change()
-        assert noop_build.lines_of(world.record, time.time_ns())[1]
+        assert not write(world, folder)
+        assert not (folder / "record").exists()
 
 
 def test_what_the_build_itself_writes_is_no_change(folder: Path):
@@ -221,42 +230,39 @@ def test_what_the_build_itself_writes_is_no_change(folder: Path):
     assert (KIND, str(lock), "") not in world.record
 
 
-def test_a_module_that_is_installed_or_removed_is_noticed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    site = tmp_path / "site"
-    site.mkdir()
-    monkeypatch.syspath_prepend(site)
-    world = World()
-    assert not world.has_module("nobody_has_this")
-    is_same = recorded(world, tmp_path)
-    assert is_same()
-    (site / "nobody_has_this").mkdir()
-    (site / "nobody_has_this/__init__.py").write_text("")
-    assert not is_same()
-    world = World()
-    assert world.has_module("nobody_has_this")
-    is_same = recorded(world, tmp_path)
-    assert is_same()
-    (site / "nobody_has_this/__init__.py").unlink()
-    assert not is_same()
+MACHINE: dict[str, tuple[Callable[[World], bool], bool, Callable[[Path], object]]] = {
+    "a module is installed": (
+        lambda w: w.has_module("nobody_has_this"), False,
+        lambda f: (f / "nobody_has_this.py").touch(),
+    ),
+    "a module is removed": (
+        lambda w: w.has_module("somebody_has_this"), True,
+        lambda f: (f / "somebody_has_this.py").unlink(),
+    ),
+    "a library is installed": (
+        lambda w: w.can_load("libnobody.so.1"), False, lambda f: (f / "libnobody.so.1").touch()
+    ),
+    "libraries lie elsewhere": (
+        lambda w: w.can_load("libc.so.6"), True,
+        lambda _: os.environ.__setitem__("LD_LIBRARY_PATH", "/elsewhere"),
+    ),
+}  # fmt: skip
 
 
-def test_a_library_is_known_by_its_file_or_by_where_it_would_lie(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", MACHINE)
+def test_what_is_installed_or_removed_is_noticed(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    ask, found, change = MACHINE[name]
+    (tmp_path / "somebody_has_this.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     world = World()
-    assert not world.can_load("libnobody.so.1")
+    assert ask(world) is found
     is_same = recorded(world, tmp_path)
     assert is_same()
-    (tmp_path / "libnobody.so.1").write_bytes(b"")
+    change(tmp_path)
     assert not is_same()
-    world = World()
-    assert world.can_load("libc.so.6")
-    assert any("libc" in subject for _, subject, _ in world.record)
-    monkeypatch.setenv("LD_LIBRARY_PATH", "/elsewhere")
-    assert not recorded(World(), tmp_path) or noop_build.lines_of(world.record, 0)[1]
 
 
 def test_names_that_are_no_text_are_recorded(tmp_path: Path):
