@@ -139,18 +139,6 @@ def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, built_legs: Place):
 SMALL_DISK = 'mount -t tmpfs -o size={size}k none "$1" && cd "$2" && shift 2 && exec "$@"'
 
 
-def _on_small_disk(legs: Place, disk: Path, kilobytes: int) -> subprocess.CompletedProcess[str]:
-    """The build with its store on a disk of that size, in a mount namespace of its own."""
-    words = ["sh", "-c", SMALL_DISK.format(size=kilobytes), "sh", str(disk), str(legs.folder)]
-    return subprocess.run(
-        ["unshare", "-Urm", *words, *legs.command("build", "legs.yaml")],
-        env=legs.env(ASSETBUILD_CACHE=str(disk / "store")),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-
-
 def _can_mount(folder: Path) -> bool:
     if shutil.which("unshare") is None:
         return False
@@ -158,15 +146,31 @@ def _can_mount(folder: Path) -> bool:
     return subprocess.run(tried, capture_output=True).returncode == 0
 
 
-@pytest.mark.parametrize("kilobytes", [16, 96])
-def test_a_small_disk_that_fills_up_is_one_error(warm_legs: Place, tmp_path: Path, kilobytes: int):
+@pytest.mark.parametrize(
+    ("kilobytes", "what"), [(16, "the store"), (96, "the store"), (16, "the bundle")]
+)
+def test_a_small_disk_that_fills_up_is_one_error(
+    warm_legs: Place, tmp_path: Path, kilobytes: int, what: str
+):
+    """In a mount namespace of its own. Below the bundle, another store would not help."""
     disk = tmp_path / "disk"
     disk.mkdir()
     if not _can_mount(disk):
         pytest.skip("no disk can be mounted here without being root")
-    done = _on_small_disk(warm_legs, disk, kilobytes)
+    words = ["sh", "-c", SMALL_DISK.format(size=kilobytes), "sh", str(disk), str(warm_legs.folder)]
+    command = warm_legs.command("build", "legs.yaml")
+    env = warm_legs.env(ASSETBUILD_CACHE=str(disk / "store"))
+    if what == "the bundle":
+        command, env = [*command, "-o", str(disk / "bundle")], warm_legs.env()
+    done = subprocess.run(
+        ["unshare", "-Urm", *words, *command], env=env, capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 1, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     assert "o space left" in done.stderr
+    if what == "the bundle":
+        assert f"no space left on the disk that holds {disk}" in done.stderr
+        assert "choose another folder with `-o`" in done.stderr
+        assert "ASSETBUILD_CACHE" not in done.stderr
     assert not warm_legs.bundle.exists()
     assert warm_legs.build().returncode == 0
