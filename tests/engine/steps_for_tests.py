@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -288,3 +290,57 @@ def flip(path: Path) -> None:
 
 class PreloadedWithThreads(Preloaded):
     preload: ClassVar[tuple[str, ...]] = ("threaded_for_tests",)
+
+
+CORENAMES = ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename")
+
+
+class Kernels(Step):
+    """Computes with whatever kernels the libraries choose in its process.
+
+    Writes what was chosen, and digests of numbers that another choice changes.
+    """
+
+    outputs = ("chosen.json", "numbers.json")
+    preload: ClassVar[tuple[str, ...]] = ("numpy", "scipy.linalg")
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        (files.outputs / "chosen.json").write_text(json.dumps(chosen()))
+        (files.outputs / "numbers.json").write_text(json.dumps(numbers()))
+        return ()
+
+
+def chosen() -> dict[str, object]:
+    """The kernels of each OpenBLAS that is loaded, and numpy's dispatched features."""
+    import numpy._core._multiarray_umath as umath
+
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    found = {}
+    for path in {line.split()[-1] for line in lines if "openblas" in line}:
+        library = ctypes.CDLL(path)
+        name = next(name for name in CORENAMES if hasattr(library, name))
+        corename = getattr(library, name)
+        corename.restype = ctypes.c_char_p
+        found[Path(path).name] = corename().decode()
+    has = umath.__cpu_features__
+    return {"blas": found, "numpy": [name for name in umath.__cpu_dispatch__ if has[name]]}
+
+
+def numbers() -> dict[str, str]:
+    """BLAS, numpy's own loops and libm on the same numbers each time."""
+    import numpy as np
+    import scipy.linalg
+
+    random = np.random.RandomState(0)
+    a, b, x = random.rand(97, 63), random.rand(63, 41), random.rand(10_007) * 20 - 10
+    libm = [f(v) for v in x.tolist() for f in (math.sin, math.exp, math.atan)]
+    computed = {
+        "product": a @ b,
+        "eigenvalues": np.linalg.eigvalsh(a.T @ a),
+        "solution": scipy.linalg.lstsq(a, np.ones(97))[0],
+        "exp": np.exp(x),
+        "power": np.abs(x) ** 1.3,
+        "sine": np.sin(x),
+        "libm": np.array(libm),
+    }
+    return {name: hashlib.sha256(each.tobytes()).hexdigest() for name, each in computed.items()}

@@ -147,13 +147,16 @@ def test_a_claim_is_renewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     release(folder)
 
 
-def test_a_turn_of_another_machine_is_taken_when_it_expired(tmp_path: Path):
+@pytest.mark.parametrize("owner", [elsewhere, claimed_name])
+def test_nobody_waits_for_ever_and_an_expired_turn_is_taken_at_once(tmp_path: Path, owner):
     link = tmp_path / "k"
-    link.symlink_to(elsewhere())
+    link.symlink_to(owner())
     began = time.monotonic()
     with turn(link, patience_s=0.3):
         assert time.monotonic() - began >= 0.3
     assert link.is_symlink()  # we went on without it
+    link.unlink()
+    link.symlink_to(elsewhere())
     make_old(link, EXPIRY_S + 60)
     assert_turn_is_taken_at_once(link)
 

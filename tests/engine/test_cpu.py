@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from builds_for_tests import one
-from kernels_for_tests import Kernels
+from steps_for_tests import Kernels
 
 from assetbuild.engine import cpu
 from assetbuild.engine.actions import key_parts

@@ -39,25 +39,31 @@ CODE = Code()
 PARTS = key_parts(Actuators(limits_n_m={}), {"robot.urdf": "3f2a91c0" + "0" * 56}, CODE)
 
 
-def changed(**parts: object) -> list[str]:
-    return [str(change) for change in changes_between(PARTS, {**PARTS, **parts})]
+NEW_ROWS = key_parts(Actuators(rows=(Row(), Row(kp=90.0)), limits_n_m={"hip": 3.0}), {}, CODE)
+INPUT = PARTS["inputs"]
+CHANGES = {
+    "field rows[1].kp: 80.0 -> 90.0": {"fields": NEW_ROWS["fields"]},
+    "field limits_n_m.hip: nothing -> 3.0": {"fields": NEW_ROWS["fields"]},
+    "input robot.urdf changed (3f2a91c0 -> 99ab0000)": {
+        "inputs": {"robot.urdf": "99ab" + "0" * 60}
+    },
+    "input robot.urdf is gone": {"inputs": {}},
+    "input b is new": {"inputs": {**INPUT, "b": "0" * 64}},
+    "code steps_for_tests changed": {"code": {**PARTS["code"], "steps_for_tests": "0"}},
+    f"library pytest: {PARTS['libraries']['pytest']} -> 1": {
+        "libraries": {**PARTS["libraries"], "pytest": "1"}
+    },
+    f"python: {PYTHON} -> cpython 3.20": {"python": "cpython 3.20"},
+    f"platform: {platform_tag()} -> linux-riscv": {"platform": "linux-riscv"},
+    f"kernel OPENBLAS_CORETYPE: {PARTS['kernels'].get('OPENBLAS_CORETYPE', 'nothing')} -> Zen": {
+        "kernels": {**PARTS["kernels"], "OPENBLAS_CORETYPE": "Zen"}
+    },
+}
 
 
-def test_a_field_is_named_with_both_values():
-    new = Actuators(rows=(Row(), Row(kp=90.0)), limits_n_m={"hip": 3.0})
-    fields = key_parts(new, {}, CODE)["fields"]
-    assert "field rows[1].kp: 80.0 -> 90.0" in changed(fields=fields)
-    assert "field limits_n_m.hip: nothing -> 3.0" in changed(fields=fields)
-    old = {**PARTS, "fields": {"kp": 80}}
-    assert str(changes_between(old, {**old, "fields": {"kp": 90}})[0]) == "field kp: 80 -> 90"
-
-
-def test_an_input_is_named_with_both_digests():
-    assert changed(inputs={"robot.urdf": "99ab" + "0" * 60}) == [
-        "input robot.urdf changed (3f2a91c0 -> 99ab0000)"
-    ]
-    assert changed(inputs={}) == ["input robot.urdf is gone"]
-    assert changed(inputs={**PARTS["inputs"], "b": "0" * 64}) == ["input b is new"]
+@pytest.mark.parametrize("said", CHANGES)
+def test_what_changed_of_a_key_is_named_with_both_values(said):
+    assert said in [str(change) for change in changes_between(PARTS, {**PARTS, **CHANGES[said]})]
 
 
 def test_the_order_of_a_mapping_counts():
@@ -65,17 +71,6 @@ def test_the_order_of_a_mapping_counts():
     other = key_parts(Actuators(limits_n_m={"calf": 2.0, "hip": 1.0}), {}, CODE)
     assert Action("it", Mix(), one).key != Action("it", Mix(), other).key
     assert [c.part for c in changes_between(one, other)] == ["order"]
-
-
-def test_code_libraries_python_and_platform_are_named():
-    code, libraries = PARTS["code"], PARTS["libraries"]
-    assert changed(code={**code, "steps_for_tests": "0"}) == ["code steps_for_tests changed"]
-    now = libraries["pytest"]
-    assert changed(libraries={**libraries, "pytest": "1"}) == [f"library pytest: {now} -> 1"]
-    assert changed(python="cpython 3.20") == [f"python: {PYTHON} -> cpython 3.20"]
-    assert changed(platform="linux-riscv") == [f"platform: {platform_tag()} -> linux-riscv"]
-    kernels = {**PARTS["kernels"], "OPENBLAS_CORETYPE": "Zen"}
-    assert "kernel OPENBLAS_CORETYPE: " in changed(kernels=kernels)[0]
 
 
 @pytest.mark.parametrize("part", list(PARTS))

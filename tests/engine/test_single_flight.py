@@ -95,21 +95,6 @@ def test_a_killed_owner_frees_its_turn_at_once(tmp_path: Path):
     owner.stdout.close()
 
 
-def test_nobody_waits_for_ever(tmp_path: Path):
-    entered: list[float] = []
-
-    def wait() -> None:
-        began = time.monotonic()
-        with turn(tmp_path / "k", patience_s=0.2):
-            entered.append(time.monotonic() - began)
-
-    with turn(tmp_path / "k", patience_s=1):
-        other = threading.Thread(target=wait)
-        other.start()
-        other.join(10)
-    assert 0.15 < entered[0] < 5
-
-
 def test_a_step_and_its_maker_may_have_the_same_key(session: Session, source: Path):
     """`second` and `third` read the same bytes, so they are one action; healing meets both."""
     planner = Planner(session)
