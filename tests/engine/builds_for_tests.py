@@ -75,6 +75,19 @@ def calling(module: str, call: str) -> list[str]:
     return [sys.executable, "-c", program]
 
 
+def assert_second_machine_builds_nothing(folder: Path, robot: Path, url: str) -> None:
+    """Two stores and a server between them; results are signed."""
+    first = Machine(folder / "a", url, write=True, key="k")
+    gold = first.build(robot, width=12)
+    second = Machine(folder / "b", url, key="k")
+    results = second.build(robot, width=12)
+    assert {r.status for r in gold.values()} == {"ran"}
+    assert {r.status for r in results.values()} == {"cached"}
+    for label, result in results.items():
+        assert (result.outputs, result.findings) == (gold[label].outputs, gold[label].findings)
+    assert (first.warnings, second.warnings) == ([], [])
+
+
 class Machine:
     """A store of its own, and what it was warned of."""
 

@@ -155,9 +155,6 @@ class Handler(BaseHTTPRequestHandler):
     def do_fault_redirect(self, body: bytes) -> None:
         self.plain(302, b"", Location=f"{self.server.elsewhere}{self.path}")
 
-    def do_fault_redirect_to_file(self, body: bytes) -> None:
-        self.plain(302, b"", Location="file:///etc/passwd")
-
     def do_fault_garbage(self, body: bytes) -> None:
         self.plain(200, b"[" * 100_000)
 
