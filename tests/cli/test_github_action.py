@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,10 +11,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from .conftest import LEGS, LEGS_RECIPE
+from .conftest import LEGS_RECIPE, new_legs
 
 ACTION = Path(__file__).parents[2] / ".github/actions/robots"
-RECIPE = LEGS_RECIPE.replace("path: robot", "path: ../robots").replace("[urdf]", "[mjcf]")
+RECIPE = LEGS_RECIPE.replace("path: robot", "path: ../robot").replace("[urdf]", "[mjcf]")
 GH = """\
 #!/bin/sh
 echo "$@" >> "$GH_LOG"
@@ -27,31 +26,28 @@ class Lab:
     """A repository with two recipes, and the folders that a runner gives a job."""
 
     def __init__(self, folder: Path) -> None:
-        self.root, self.bin = folder / "lab", folder / "bin"
-        (self.root / "recipes").mkdir(parents=True)
-        (self.root / "robots").mkdir()
-        self.bin.mkdir()
-        shutil.copy(LEGS, self.root / "robots")
+        place = new_legs(folder / "lab", folder / "store")
+        self.root, programs = place.folder, folder / "bin"
+        (self.root / "recipes").mkdir()
+        programs.mkdir()
         for name in ("one", "two"):
             self.write(name, 20)
         program = f'#!/bin/sh\nexec "{sys.executable}" -m assetbuild "$@"\n'
         for name, text in (("gh", GH), ("assetbuild", program)):
-            (self.bin / name).write_text(text)
-            (self.bin / name).chmod(0o755)
-        self.variables = {
-            **{k: v for k, v in os.environ.items() if not k.startswith("GITHUB_")},
-            "PATH": f"{self.bin}:{os.environ['PATH']}",
-            "PYTHONPATH": str(ACTION.parents[2]),
-            "ASSETBUILD_CACHE": str(folder / "store"),
-            "RUNNER_TEMP": str(folder),
-            "GH_LOG": str(folder / "gh.log"),
-            "GITHUB_REPOSITORY": "lab/robots",
-            "GITHUB_ACTIONS": "true",
-            "GITHUB_WORKSPACE": str(self.root),
-            "GITHUB_STEP_SUMMARY": str(folder / "summary.md"),
-            "RECIPES": "recipes/one.yaml recipes/two.yaml",
-            "NUMBER": "7",
-        }
+            (programs / name).write_text(text)
+            (programs / name).chmod(0o755)
+        self.variables = place.env(
+            PATH=f"{programs}:{os.environ['PATH']}",
+            PYTHONPATH=str(ACTION.parents[2]),
+            RUNNER_TEMP=str(folder),
+            GH_LOG=str(folder / "gh.log"),
+            GITHUB_REPOSITORY="lab/robots",
+            GITHUB_ACTIONS="true",
+            GITHUB_WORKSPACE=str(self.root),
+            GITHUB_STEP_SUMMARY=str(folder / "summary.md"),
+            RECIPES="recipes/one.yaml recipes/two.yaml",
+            NUMBER="7",
+        )
         self.git("init", "-q")
         self.base = self.commit()
 
@@ -105,12 +101,12 @@ def test_a_pull_request_builds_what_it_touches_and_comments_what_changed(lab: La
 
 @pytest.mark.slow
 def test_a_changed_robot_builds_all_and_a_broken_one_is_marked(lab: Lab) -> None:
-    urdf = lab.root / "robots/four_legs.urdf"
+    urdf = lab.root / "robot/four_legs.urdf"
     urdf.write_text(re.sub(r'izz="[^"]*"', 'izz="9"', urdf.read_text(), count=1))
     lab.commit()
     built = lab.run("build", lab.base)
     assert built.returncode == 1
-    assert "::error file=robots/four_legs.urdf,line=" in built.stdout
+    assert "::error file=robot/four_legs.urdf,line=" in built.stdout
     summary = Path(lab.variables["GITHUB_STEP_SUMMARY"]).read_text()
     assert "| one | **no** |" in summary and "| two | **no** |" in summary
 

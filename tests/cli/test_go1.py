@@ -83,17 +83,6 @@ def test_an_edit_runs_only_the_steps_that_read_what_changed(place: Place):
     assert re.search(r"rows\[0\]\.kp: 80(\.0)? -> 90", told), told
 
 
-def test_what_the_user_edited_in_the_bundle_is_kept_aside_and_restored(place: Place):
-    place.ran()
-    model = place.bundle / "mjcf/go1.xml"
-    original = model.read_bytes()
-    model.write_bytes(original + b"<!-- mine -->")
-    assert "mjcf/go1.xml" in place.build().stdout
-    assert model.read_bytes() == original
-    kept = place.bundle.with_name("go1.edited") / "mjcf/go1.xml"
-    assert kept.read_bytes().endswith(b"<!-- mine -->")
-
-
 def test_every_difference_from_the_hand_made_model_of_menagerie_has_a_reason(
     place: Place, capsys: pytest.CaptureFixture[str]
 ):

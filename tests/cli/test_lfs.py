@@ -71,14 +71,3 @@ def test_init_of_a_pointer_says_so(place: Place):
     (place.robot / "robot.urdf").write_text(POINTER)
     told = place.refused("init", "robot/robot.urdf", "-o", "-")
     assert SAID in told and HINT in told
-
-
-def test_a_changed_patch_runs_again_what_it_touches(warm_legs: Place):
-    row = "{file: four_legs.urdf, find: 'A dog:', replace: 'A cat:', because: it purrs}"
-    warm_legs.edit("urdf: four_legs.urdf", f"urdf: four_legs.urdf, patches: [{row}]")
-    touched = {"patch 1 four_legs.urdf", "read_urdf"}
-    assert warm_legs.ran() == touched
-    warm_legs.edit("it purrs", "it climbs")
-    assert warm_legs.ran() == {"patch 1 four_legs.urdf"}  # the same text comes of it
-    warm_legs.edit("A cat:", "A lion:")
-    assert warm_legs.ran() == touched

@@ -146,14 +146,6 @@ def test_every_way_to_import_leads_to_a_module(package, tmp_path, case):
     }
 
 
-def test_a_step_leads_to_the_modules_of_assetbuild_that_it_imports(package):
-    package.write("weigh.py", "from assetbuild.robot.inertia import combine\n" + PLAIN)
-    found = package.look()
-    assert {"assetbuild.robot.inertia", "assetbuild.robot.pose"} <= found.modules.keys()
-    assert "numpy" in found.libraries
-    assert not any(name.startswith("assetbuild.engine") for name in found.modules)
-
-
 def test_the_release_is_no_code_unless_it_is_imported(package):
     package.write("weigh.py", PLAIN)
     package.write("__init__.py", '__version__ = "1"\n')

@@ -7,8 +7,6 @@ import fcntl
 import hashlib
 import os
 import pickle
-import subprocess
-import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +22,6 @@ from assetbuild.engine.scratch import scratch
 from assetbuild.engine.session import Session
 from assetbuild.engine.stamps import Stamps
 from assetbuild.engine.store import LostObjectError, Store, is_plain_path
-from assetbuild.errors import MachineError
 
 
 def cut(path: Path) -> None:
@@ -133,34 +130,6 @@ def test_an_action_comes_back_and_a_torn_or_swapped_one_is_unknown(store: Store)
     other.parent.mkdir()
     other.write_bytes(whole)
     assert store.action("b" * 64) is None
-
-
-def test_no_space_names_the_disk(store: Store, monkeypatch: pytest.MonkeyPatch):
-    def full(*args, **kwargs):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(MachineError, match="no space left"):
-        store.put_bytes(b"x")
-
-
-def test_leftovers_of_a_killed_build_go_and_those_of_a_running_one_stay(tmp_path: Path):
-    program = f"""
-import os
-from pathlib import Path
-from assetbuild.engine.store import Store
-store = Store(Path({str(tmp_path / "s")!r}))
-(store.scratch() / "half").write_text("half")
-os._exit(1)
-"""
-    subprocess.run([sys.executable, "-c", program], check=False)
-    running = Store(tmp_path / "s")
-    mine = running.scratch()
-    assert len(list((running.root / "tmp").iterdir())) == 2
-    Store(tmp_path / "s").close()
-    assert mine.is_dir()
-    assert len(list((running.root / "tmp").iterdir())) == 1
-    running.close()
 
 
 def test_an_object_that_another_machine_removes_while_it_is_read_is_lost(store, tmp_path):
