@@ -6,13 +6,12 @@ import errno
 import fcntl
 import hashlib
 import os
-import pickle
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from builds_for_tests import chain, object_file, one
+from builds_for_tests import chain, object_file
 from steps_for_tests import Mix, flip
 
 from assetbuild.engine import digest
@@ -196,21 +195,3 @@ def test_a_thousand_edits_within_one_coarse_tick_are_all_noticed(tmp_path, monke
         path.write_text(f"{number:04}")
         stale += cache.digest(path) != hashlib.sha256(f"{number:04}".encode()).hexdigest()
     assert stale == 0
-
-
-class Bomb:
-    """Unpickling it is an error of the test."""
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return (pytest.fail, ("a pickle was loaded",))
-
-
-def test_a_pickle_in_each_file_of_the_store_is_never_loaded(tmp_path, source):
-    """F21."""
-    with Session(Store(tmp_path / "store")) as session:
-        gold = one(session, Mix(), source).outputs
-    for path in [p for p in (tmp_path / "store").rglob("*") if p.is_file()]:
-        path.chmod(0o644)
-        path.write_bytes(pickle.dumps(Bomb()))
-    with Session(Store(tmp_path / "store")) as session:
-        assert one(session, Mix(), source).outputs == gold
