@@ -9,7 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from urdfs import inertial, joint, link, mesh, robot, shape, tensor
+from mjcfs import TET
+from urdfs import inertial, joint, link, robot, shape, tensor
 
 from .conftest import Place
 
@@ -278,26 +279,14 @@ def test_a_change_of_the_part_is_a_change_of_the_whole(built, tmp_path):
     assert model_of(place, "post").actuator("right_lift_drive").gainprm[0] == 31
 
 
-WEDGE = """mtllib paint.mtl
-v 0 0 0
-v 0.1 0 0
-v 0 0.1 0
-v 0 0 0.1
-usemtl red
-f 1 3 2
-f 1 2 4
-f 1 4 3
-f 2 3 4
-"""
-
-
 @pytest.mark.slow
 def test_a_part_whose_mesh_names_other_files_keeps_them(tmp_path):
     """The base is known before the part is: its questions are asked in rounds of their own."""
     place = laid_out(tmp_path)
-    (tmp_path / "wedge.obj").write_text(WEDGE)
+    (tmp_path / "wedge.obj").write_text(f"mtllib paint.mtl\nusemtl red\n{TET}")
     (tmp_path / "paint.mtl").write_text("newmtl red\nKd 0.9 0.1 0.1\n")
-    arm = robot(link("base", inertial(), shape("visual", mesh("wedge.obj"))))
+    wedge = '<mesh filename="wedge.obj" scale="0.1 0.1 0.1"/>'
+    arm = robot(link("base", inertial(), shape("visual", wedge)))
     (tmp_path / "arm.urdf").write_text(arm)
     (tmp_path / "arm.yaml").write_text(HEAD.format(robot="arm", kind="urdf", file="arm.urdf"))
     rows = [f"  - {{recipe: arm.yaml, as: {side}_, at: {{link: pole}}}}\n" for side in "ab"]

@@ -155,10 +155,11 @@ class Hang(Misbehave):
 
 
 class Meet(Step):
-    """Waits until all others of the company have begun too."""
+    """Waits until all others of the company have begun too. It declares much memory."""
 
     outputs = ("out",)
     isolated: ClassVar[bool] = True
+    limits: ClassVar[Limits] = Limits(memory_mb=3000)
     number: int
     company: int
     folder: str
@@ -259,12 +260,6 @@ class Edit(Step):
             source.write_text("2")
         (files.outputs / "out").write_text(text)
         return ()
-
-
-class Big(Meet):
-    """Declares much memory."""
-
-    limits: ClassVar[Limits] = Limits(memory_mb=3000)
 
 
 class Irreproducible(Step):

@@ -15,9 +15,9 @@ import pytest
 from builds_for_tests import one, together
 from commands import is_alive
 from steps_for_tests import (
-    Big,
     DiesOnce,
     Hang,
+    Meet,
     Misbehave,
     Mix,
     MixInChild,
@@ -212,7 +212,7 @@ def test_declared_memory_bounds_what_runs_at_once(
     place = tmp_path / "place"
     place.mkdir()
     meeting = {"company": 2, "folder": str(place), "patience_s": patience_s}
-    steps = {"0": Big(number=0, **meeting), "1": Big(number=1, **meeting), "small": Mix()}
+    steps = {"0": Meet(number=0, **meeting), "1": Meet(number=1, **meeting), "small": Mix()}
     monkeypatch.setattr(Processes, "memory_mb", memory_mb)
     results = together(session, steps, jobs=3)
     assert sorted(session.read(results[label]["out"]) for label in "01") == met

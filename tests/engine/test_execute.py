@@ -11,7 +11,6 @@ import pytest
 from builds_for_tests import chain, one, together
 from commands import is_alive
 from steps_for_tests import (
-    Meet,
     Misbehave,
     Mix,
     MixInChild,
@@ -161,14 +160,6 @@ def test_nodes_after_a_failure_are_blocked_and_the_others_go_on(session):
         "free": "ran",
     }
     assert results["last"].reason == "`bad` failed"
-
-
-def test_independent_steps_run_side_by_side(session, tmp_path):
-    place = tmp_path / "meeting"
-    place.mkdir()
-    steps = {str(n): Meet(number=n, company=3, folder=str(place)) for n in range(3)}
-    results = together(session, steps, jobs=3)
-    assert [session.read(result["out"]) for result in results.values()] == [b"3"] * 3
 
 
 class Long(Mix):

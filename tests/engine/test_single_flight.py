@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -13,7 +12,6 @@ import pytest
 from builds_for_tests import calling, object_file, together
 from steps_for_tests import Count, CountInParent, Mix
 
-from assetbuild.engine.claims import turn
 from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
@@ -74,25 +72,6 @@ def test_a_failure_is_not_shared_and_the_next_in_turn_tries_itself(session: Sess
     step = Count(log=str(tmp_path / "log"), name="it", text="\udcff")  # cannot be written
     results = together(session, {"left": step, "right": step}, jobs=2, keep_going=True)
     assert [result.status for result in results.values()] == ["failed", "failed"]
-
-
-def hold(path: str) -> None:
-    with turn(Path(path), patience_s=1):
-        print("held", flush=True)
-        time.sleep(60)
-
-
-def test_a_killed_owner_frees_its_turn_at_once(tmp_path: Path):
-    call = f"hold({str(tmp_path / 'k')!r})"
-    owner = subprocess.Popen(calling("test_single_flight", call), stdout=subprocess.PIPE, text=True)
-    assert owner.stdout is not None
-    assert owner.stdout.readline() == "held\n"
-    threading.Timer(0.2, owner.kill).start()
-    began = time.monotonic()
-    with turn(tmp_path / "k", patience_s=30):
-        assert 0.15 < time.monotonic() - began < 5
-    owner.wait()
-    owner.stdout.close()
 
 
 def test_a_step_and_its_maker_may_have_the_same_key(session: Session, source: Path):
