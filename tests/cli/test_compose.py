@@ -280,15 +280,17 @@ def test_a_change_of_the_part_is_a_change_of_the_whole(built, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_part_whose_mesh_names_other_files_keeps_them(tmp_path):
+def test_a_part_keeps_what_its_mesh_names_and_the_lines_of_its_recipe(tmp_path):
     """The base is known before the part is: its questions are asked in rounds of their own."""
     place = laid_out(tmp_path)
     (tmp_path / "wedge.obj").write_text(f"mtllib paint.mtl\nusemtl red\n{TET}")
     (tmp_path / "paint.mtl").write_text("newmtl red\nKd 0.9 0.1 0.1\n")
     wedge = '<mesh filename="wedge.obj" scale="0.1 0.1 0.1"/>'
-    arm = robot(link("base", inertial(), shape("visual", wedge)))
-    (tmp_path / "arm.urdf").write_text(arm)
-    (tmp_path / "arm.yaml").write_text(HEAD.format(robot="arm", kind="urdf", file="arm.urdf"))
+    base = link("base", inertial(), shape("visual", wedge))
+    (tmp_path / "arm.urdf").write_text(robot(base, link("hand"), joint("lift", "base", "hand")))
+    head = HEAD.format(robot="arm", kind="urdf", file="arm.urdf")
+    row = "actuators: [{joints: lift, model: pd, kp: 40, kd: 5, effort: 7}]\n"
+    (tmp_path / "arm.yaml").write_text(head + row)
     rows = [f"  - {{recipe: arm.yaml, as: {side}_, at: {{link: pole}}}}\n" for side in "ab"]
     kept, _ = POST_RECIPE.split("  - {joints: left_lift")
     head = HEAD.format(robot="post", kind="urdf", file="post.urdf")
@@ -298,6 +300,10 @@ def test_a_part_whose_mesh_names_other_files_keeps_them(tmp_path):
     model = model_of(place, "post")
     assert model.nmesh == 1, "both parts show the same wedge"
     assert 0.9 in model.mat_rgba[:, 0].round(6)
+    told = [f for f in findings(place, "post") if f["rule"] == "actuator.overrides"]
+    assert [(f["subject"], f["where"].rpartition(":")[0]) for f in told] == [
+        ("recipe actuators.1", "arm.yaml:7"), ("recipe actuators.2", "arm.yaml:7"),
+    ]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
