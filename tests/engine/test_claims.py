@@ -110,6 +110,13 @@ def of_another_process() -> str:
     return f"{machine}-{pid}-{int(start) + 1}-{number}"
 
 
+def of_a_dead_process() -> str:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    machine, _, start, number = claimed_name().split("-")
+    return f"{machine}-{ended.pid}-{start}-{number}"
+
+
 def make_old(path: Path, seconds: float) -> None:
     stamp = time.time() - seconds
     os.utime(path, (stamp, stamp), follow_symlinks=False)
@@ -120,6 +127,7 @@ def make_old(path: Path, seconds: float) -> None:
     [
         (claimed_name, 10 * EXPIRY_S, True),
         (of_another_process, 0, False),
+        (of_a_dead_process, 0, False),
         (elsewhere, 0, True),
         (elsewhere, EXPIRY_S - 60, True),
         (elsewhere, EXPIRY_S + 60, False),
