@@ -47,13 +47,16 @@ def test_a_four_bar_closes_in_every_format_that_holds_loops(four_bar: Place):
     ("old", "new", "message"),
     [
         ("rocker, xyz: [0", "base, xyz: [1", "loops: `coupler_loop` cannot close: the nearest"),
+        ("link: rocker", "link: rockr", "no link `rockr`\nhint: did you mean `rocker`"),
+        ("[0.2, 0, 0]", "[.nan, 0, 0]", "loops[0].a.xyz[0]: must be finite"),
         ("kind: connect", "solimp: [1, 0.99, 0.001, 0.5, 2]", "solimp[0]: must be at most 0.9999"),
     ],
-    ids=["cannot close", "impedance"],
+    ids=["cannot close", "no such link", "not a number", "impedance"],
 )
 def test_a_wrong_loop_is_one_error_with_its_line(
-    four_bar: Place, old: str, new: str, message: str, capsys: pytest.CaptureFixture[str]
+    four_bar: Place, old: str, new: str, message: str, capsys, monkeypatch
 ):
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(four_bar.store))
     four_bar.edit(old, new)
     assert main(["build", str(four_bar.recipe), "-o", str(four_bar.folder / "out")]) == 2
     said = capsys.readouterr().err

@@ -108,6 +108,12 @@ def test_a_file_that_nobody_built_is_judged(what: str, validate: Validate) -> No
     assert (code, words in said) == (expected, True), said
 
 
+def test_a_usd_on_top_of_what_is_none_is_unreadable(validate: Validate) -> None:
+    validate("a.usda", "not usd")
+    code, said = validate("b.usda", "#usda 1.0\n( subLayers = [@a.usda@] )\n")
+    assert (code, "usd.unreadable" in said) == (1, True)
+
+
 def test_a_file_that_is_not_there_and_a_folder_are_refused(validate: Validate) -> None:
     assert validate("missing.xml", None)[0] == 2
     assert "is no bundle" in validate("", None)[1]
