@@ -15,13 +15,14 @@ from assetbuild.plan.edits import edits_of, must_match
 from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.actuator_table import RowError
+from assetbuild.robot.actuators import motor_of
 from assetbuild.robot.model import Tree
 from assetbuild.samples.state_ranges import StateRanges
 
 
 def check_names(recipe: Recipe, folder: Path, world: World) -> None:
     """Files and cross references inside of a recipe in a folder."""
-    wrong = Gather(KeyedError)
+    wrong = Gather(RowError)
     collision = recipe.collision
     rules: list[tuple[Key, CollisionRule]] = [(("collision", "default"), collision.default)]
     rules += [(("collision", "links", pattern), rule) for pattern, rule in collision.links.items()]
@@ -31,6 +32,9 @@ def check_names(recipe: Recipe, folder: Path, world: World) -> None:
     for check in (_check_edits, _check_stand, check_parts):
         with wrong:
             check(recipe)
+    for index, row in enumerate(recipe.actuators or ()):
+        with wrong:
+            motor_of(index, row, recipe.motors)
     wrong.stop()
 
 

@@ -85,7 +85,7 @@ def resolve(
     for index, row in enumerate(rows):
         with wrong:
             table.append(_Matched(index, row, NO_MOTOR))
-            table[-1] = _Matched(index, row, _motor_of(index, row, motors))
+            table[-1] = _Matched(index, row, motor_of(index, row, motors))
             _check_gains(table[-1])
     by_joint = _match(tree, table, driven, wrong) if table else {}
     wrong.stop()
@@ -115,7 +115,8 @@ def resolve(
     return tuple(made.values())
 
 
-def _motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
+def motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
+    """The motor that a row of the table names, with what it extends. RowError."""
     if row.motor is None:
         return NO_MOTOR
     if row.motor not in motors:

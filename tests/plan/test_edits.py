@@ -64,3 +64,18 @@ def test_names_and_axes_of_an_mjcf_change_in_the_mjcf(tmp_path, edit):
     path.write_text(HEAD.replace("urdf: r.urdf", "mjcf: r.xml") + f"  - {edit}\n")
     with pytest.raises(RecipeError, match="of a robot from MJCF"):
         check(path)
+
+
+def test_a_motor_that_is_not_there_is_told_before_anything_is_read(tmp_path):
+    path = tmp_path / "r.yaml"
+    path.write_text(
+        HEAD.replace("urdf: r.urdf", "mjcf: r.xml").removesuffix("edits:\n")
+        + "motors: {arm: {extends: hand}}\n"
+        + "actuators: [{joints: a, motor: arm, model: pd}, {joints: b, motor: leg, model: pd}]\n"
+    )
+    with pytest.raises(RecipeError) as caught:
+        check(path)
+    assert {(each.message, each.where.line) for each in caught.value.each()} == {
+        ("motors.arm: no motor named `hand`", 4),
+        ("actuators[1]: no motor named `leg`", 5),
+    }
