@@ -333,7 +333,7 @@ ELBOW = "rules:", "keyframes: {home: {joints: {elbow: 0.3}}}\nrules:"
         ("post", "- source: {path: ., mjcf: arm.xml, license: MIT}", "- variant: x", "exactly one"),
         ("post", "arm.xml, license: MIT}", "arm.xml}\n    variant: x", "a `source` has none"),
         ("post", "compose:", "keyframes: {up: {}}\ncompose:", "the base has no keyframe `home`"),
-        ("arm", *MOTOR, "arm.yaml:6:53: actuators[0]: no motor named `right_m`"),
+        ("arm", *MOTOR, "arm.yaml:6:53: actuators[0]: no motor named `m`"),
         ("arm", *WRIST, "arm.yaml:6:14: actuators[0].joints: pattern `wrist` matches no"),
         ("arm", *ELBOW, "pattern `elbow` matches no moving joint"),
     ],
