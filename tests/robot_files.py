@@ -6,7 +6,7 @@ import json
 import pickle
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,28 @@ def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
 def checked(check: Step, inputs: Path, outputs: Path) -> tuple[list[Finding], dict[str, Any]]:
     """The findings of a check, and its figures."""
     findings = run_step(check, inputs, outputs)
-    return findings, json.loads((outputs / "figures.json").read_text())
+    return findings, figures(outputs)
+
+
+def figures(outputs: Path) -> dict[str, Any]:
+    """What a check measured."""
+    found: dict[str, Any] = json.loads((outputs / "figures.json").read_text())
+    return found
+
+
+def rules(findings: Iterable[Finding]) -> set[str]:
+    """The ids of what was found."""
+    return {finding.rule for finding in findings}
+
+
+def ranked(findings: Iterable[Finding]) -> list[tuple[str, str]]:
+    """The id and the severity of each."""
+    return [(finding.rule, finding.severity) for finding in findings]
+
+
+def about(findings: Iterable[Finding]) -> set[tuple[str, str]]:
+    """The id of each, with every subject that it names."""
+    return {(f.rule, s) for f in findings for s in (f.subject, *f.data.get("subjects", ()))}
 
 
 def configured(check: type[Check], **keys: object) -> Check | None:
@@ -88,6 +109,25 @@ def models(folder: Path, robot: TinyRobot) -> Path:
 
     written = (Mjcf(robot="robot"), "mjcf"), (Usd(robot="robot"), "usd")
     return laid_out(folder / "inputs", robot, *written)
+
+
+def mjcf_inputs(folder: Path, robot: TinyRobot) -> Path:
+    """The inputs of a check that reads the robot and its MJCF, `mjcf/robot.xml`."""
+    from assetbuild.targets.mjcf import Mjcf
+
+    return check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+
+
+def usd_inputs(
+    folder: Path, robot: TinyRobot, spoil: Callable[[Any], object] | None = None
+) -> Path:
+    """The same with its USD, `usd/robot.usda`, whose stage `spoil` edits. Any: Usd.Stage."""
+    from assetbuild.targets.usd import Usd
+
+    inputs = check_inputs(folder, robot, Usd(robot="robot"), "usd")
+    if spoil is not None:
+        spoil_stage(inputs / "usd/robot.usda", spoil)
+    return inputs
 
 
 def laid_out(inputs: Path, robot: TinyRobot, *written: tuple[Step, str]) -> Path:
@@ -122,3 +162,12 @@ def spoil_stage(path: Path, spoil: Callable[[Any], object]) -> None:
     spoil(stage)
     stage.Save()
     del stage
+
+
+def edit(path: Path, *edits: tuple[str, str]) -> None:
+    """Replace the first of each text of a file."""
+    text = path.read_text()
+    for old, new in edits:
+        assert old in text, f"`{old}` is not in {path.name}"
+        text = text.replace(old, new, 1)
+    path.write_text(text)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
-from robot_files import check_inputs, checked, run_step, write_robot_ports
+from robot_files import (
+    check_inputs,
+    checked,
+    edit,
+    figures,
+    ranked,
+    rules,
+    run_step,
+    write_robot_ports,
+)
 from tiny import TinyRobot, pendulum, tiny_quadruped
 from urdfs import inertial, joint, link, read, robot, tensor
 
@@ -67,11 +75,6 @@ def by_target(folder: Path) -> list[Finding]:
     return run_step(Oracle(robot="bot"), folder, folder)
 
 
-def figures(folder: Path) -> dict[str, float]:
-    found: dict[str, float] = json.loads((folder / "figures.json").read_text())
-    return found
-
-
 def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path):
     assert by_hand(robots, tmp_path) == []
     found = figures(tmp_path)
@@ -80,7 +83,7 @@ def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("rules", "old", "new"),
+    ("found", "old", "new"),
     [
         ({"oracle.mass_matrix", "oracle.gravity"}, 'mass="1"', 'mass="1.000001"'),
         ({"oracle.mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
@@ -91,7 +94,6 @@ def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path)
         ),
         ({"oracle.kinematics", "oracle.mass_matrix"}, 'pos="0 0 0.5"', 'pos="0 0 0.500001"'),
         ({"oracle.mass_matrix"}, 'mass="3"', 'mass="3.000001"'),
-        ({"oracle.mass_matrix"}, "0.03 0.04 0.05", "0.03 0.04 0.05000001"),
         ({"oracle.kinematics"}, 'pos="0 0 -0.4"', 'pos="0 0 -0.400001"'),
         ({"oracle.structure"}, 'name="swing"', 'name="swung"'),
         ({"oracle.structure"}, 'name="arm"', 'name="army"'),
@@ -100,12 +102,11 @@ def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path)
     ],
 )
 def test_a_wrong_mjcf_is_found_out(
-    rules: set[str], old: str, new: str, robots: Path, tmp_path: Path
+    found: set[str], old: str, new: str, robots: Path, tmp_path: Path
 ):
     assert old in BY_HAND
     findings = by_hand(robots, tmp_path, BY_HAND.replace(old, new))
-    assert {f.rule for f in findings} == rules
-    assert {f.severity for f in findings} == {"error"}
+    assert set(ranked(findings)) == {(rule, "error") for rule in found}
 
 
 @pytest.mark.parametrize("name", ["placeholder_root", "every_kind"])
@@ -150,28 +151,23 @@ def test_small_numbers_and_limits_without_effort_are_compared(text: str, tmp_pat
 
 def test_what_cannot_be_compared_is_told(robots: Path, tmp_path: Path):
     planar = robot_folder(on_the_wall(kind="planar"), tmp_path / "a", "fixed")
-    (finding,) = run_step(Oracle(robot="bot"), planar, planar)
-    assert (finding.rule, finding.severity) == ("oracle.unsupported", "info")
+    assert ranked(run_step(Oracle(robot="bot"), planar, planar)) == [("oracle.unsupported", "info")]
     folder = robot_folder((robots / "placeholder_root.urdf").read_bytes(), tmp_path / "b")
     (folder / "source.urdf").write_text("<robot/>")
-    (finding,) = run_step(Oracle(robot="bot"), folder, folder)
-    assert (finding.rule, finding.severity) == ("oracle.unreadable", "warning")
+    broken = run_step(Oracle(robot="bot"), folder, folder)
+    assert ranked(broken) == [("oracle.unreadable", "warning")]
 
 
 def test_an_mjcf_that_hangs_elsewhere_is_another_robot_unless_the_urdf_says_so(tmp_path: Path):
     folder = robot_folder(on_the_wall(), tmp_path, "fixed")
     assert by_target(folder) == []
-    xml = folder / "mjcf/bot.xml"
-    text = xml.read_text()
-    hung = text.replace('<body name="plate"', '<body name="plate" pos="0 0.4 1" quat="1 1 0 0"', 1)
-    assert hung != text
-    xml.write_text(hung)
+    plate = '<body name="plate"'
+    edit(folder / "mjcf/bot.xml", (plate, f'{plate} pos="0 0.4 1" quat="1 1 0 0"'))
     found = run_step(Oracle(robot="bot"), folder, folder)
-    assert {"oracle.kinematics", "oracle.gravity"} <= {f.rule for f in found}
+    assert {"oracle.kinematics", "oracle.gravity"} <= rules(found)
     world = """<link name="world"/><joint name="hang" type="fixed"><parent link="world"/>
       <child link="plate"/><origin xyz="0 0.4 1" rpy="1.5707963267948966 0 0"/></joint>"""
-    source = (folder / "source.urdf").read_text()
-    (folder / "source.urdf").write_text(source.replace("</robot>", world + "</robot>"))
+    edit(folder / "source.urdf", ("</robot>", f"{world}</robot>"))
     assert run_step(Oracle(robot="bot"), folder, folder) == []
 
 
@@ -198,9 +194,6 @@ def test_what_we_write_moves_as_the_robot(bot: TinyRobot, tmp_path: Path):
 )
 def test_a_wrong_file_is_found_out(rule: str, old: str, new: str, tmp_path: Path):
     inputs = check_inputs(tmp_path, tiny_quadruped(), Urdf(robot="bot"), "urdf")
-    path = inputs / "urdf/bot.urdf"
-    assert old in path.read_text()
-    path.write_text(path.read_text().replace(old, new, 1))
-    findings, _ = checked(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
-    assert {f.rule for f in findings} == {f"urdf.kinematics.{rule}"}
-    assert {f.severity for f in findings} == {"error"}
+    edit(inputs / "urdf/bot.urdf", (old, new))
+    findings = run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
+    assert set(ranked(findings)) == {(f"urdf.kinematics.{rule}", "error")}
