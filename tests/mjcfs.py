@@ -134,6 +134,7 @@ def write(reading: Reading, folder: Path, **recipe: object) -> Written:
         folder / "merge",
         {"links.json": reading.read / "links.json", "source_control.json": _said(reading)},
     )
+    shutil.copyfile(reading.read / "links.json", ports / "links.json")
     shutil.copyfile(merged / "tree.json", ports / "tree.json")
     _assemble(reading, folder, ports)
     files = {name: ports / name for name in ("tree.json", "shapes.json", "meshes")}

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+# ruff: noqa: E501 # one text per line reads better than wrapped XML
 from pathlib import Path
 
 import mujoco as engine
 import pytest
-from mjcfs import TET, Written, read, write
-from robot_files import configured, run_step
+from mjcfs import TET, Written, hard_arm, read, write
+from robot_files import about, configured, edit, ranked, rules, run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
+from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.findings import Finding
+from assetbuild.geometry.measure_assets import MeasureAssets, ReadMeshes
 from assetbuild.simulators import mujoco
 
 FLOATING = """<mujoco model="r">
@@ -39,7 +42,9 @@ FLOATING = """<mujoco model="r">
 
 
 def built(text: str, folder: Path, mesh: str = TET, **recipe: object) -> Written:
-    return write(read(text, folder / "read", tet_obj=mesh), folder / "out", **recipe)
+    """text: "" for the hard arm."""
+    made = read(text, folder / "read", tet_obj=mesh) if text else hard_arm(folder / "read")
+    return write(made, folder / "out", **recipe)
 
 
 def compared(written: Written, **fields: object) -> list[Finding]:
@@ -47,11 +52,13 @@ def compared(written: Written, **fields: object) -> list[Finding]:
     return run_step(MjcfSource(robot="robot", **fields), written.inputs, out)  # type: ignore[arg-type] # fields of the test's choice
 
 
-def with_change(written: Written, old: str, new: str) -> Written:
-    text = written.xml.read_text()
-    assert text.count(old) >= 1, old
-    written.xml.write_text(text.replace(old, new, 1))
-    return written
+def proved(written: Written) -> list[Finding]:
+    """What the reader of facts says of the MJCF beside the robot."""
+    run_step(ReadMeshes(), written.inputs, written.inputs)
+    run_step(MeasureAssets(), written.inputs, written.inputs)
+    check = configured(MjcfFacts, source={"path": ".", "mjcf": "a.xml"})
+    assert check is not None
+    return run_step(check, written.inputs, written.inputs.parent / "proof")
 
 
 def slivers(share: float, count: int) -> str:
@@ -76,8 +83,7 @@ def move_first_corner(written: Written, metres: float) -> None:
 def test_a_vertex_that_moved_is_a_difference_among_thin_triangles(tmp_path: Path):
     written = built(FLOATING, tmp_path, slivers(1e-6, 20))
     move_first_corner(written, 1e-4)
-    rules = {finding.rule for finding in compared(written)}
-    assert {"equal.source.area", "equal.source.mean_corner"} <= rules
+    assert {"equal.source.area", "equal.source.mean_corner"} <= rules(compared(written))
 
 
 EVEN = """v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1
@@ -122,22 +128,25 @@ def test_a_foot_without_mass_touches_what_it_touches_in_the_source(
     assert compared(written) == []
 
 
-RICH = """<mujoco><asset><material name="gold"/></asset><worldbody>
+RICH = """<mujoco><option solver="CG" iterations="7"/><asset><material name="gold"/></asset><worldbody>
   <body name="base"><geom size=".1"/>
     <body name="arm" gravcomp="0.5"><joint name="turn" pos="0 .1 0" solreflimit=".01 1" ref=".2"
       range="-40 40" axis="0 1 0"/><joint name="lift" type="slide" pos="0 .1 .1"/>
       <geom name="rod" type="capsule" fromto="0 0 0 0 0 .3" size=".02" solmix="2"/>
       <geom name="trim" size=".03" material="gold" rgba="1 0 0 1" contype="0" conaffinity="0"
         group="2"/>
-      <body name="plate" pos="0 0 .3"><site name="hook" pos="0 0 .1"/><camera name="eye"/></body>
+      <body name="plate" pos="0 0 .3"><site name="hook" pos="0 0 .1"/>
+        <camera name="eye" mode="targetbody" target="wheel"/><camera name="lens"
+        sensorsize=".004 .002" focal=".002 .002" resolution="64 32"/></body>
       <body name="mass" pos=".1 0 0" euler="0 30 0"><geom size=".05"/></body></body>
-    <body name="wheel" pos=".3 0 0"><joint name="spin"/><geom name="rim" size=".04"/></body></body>
+    <body name="wheel" pos=".3 0 0"><joint name="spin"/><geom name="rim" size=".04"/>
+      <site name="side" group="2"/></body></body>
 </worldbody>
 <contact><exclude body1="arm" body2="wheel"/></contact>
 <equality><connect name="pin" body1="arm" body2="wheel" anchor="0 0 .1" active="false"/></equality>
 <tendon><fixed name="cable"><joint joint="lift" coef="2"/><joint joint="spin" coef="-1"/></fixed>
-  <spatial name="rope"><site site="hook"/><geom geom="rim"/><site site="hook"/>
-  </spatial>
+  <spatial name="rope"><site site="hook"/><geom geom="rim" sidesite="side"/><site site="hook"/>
+    <pulley divisor="2"/><site site="hook"/><site site="side"/></spatial>
 </tendon>
 <actuator><motor name="pull" tendon="cable" ctrlrange="-1 1"/>
   <position name="aim" joint="turn" kp="9"/></actuator>
@@ -197,6 +206,45 @@ PAINTED = FACES[0] + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face 
 """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
 SKEW = """v 0 0 0\nv 2 0 0\nv 3 1 .5\nv 2 2 0\nv 0 2 0\nv 1 1 2
 f 5 4 3 2 1\nf 1 2 6\nf 2 3 6\nf 3 4 6\nf 4 5 6\nf 5 1 6\n"""
+FOCUSED = """<mujoco><worldbody><camera name="c" mode="targetbody" target="focus" fovy="70"/>
+  <body name="a"><geom size=".1"/><body name="focus" pos="0 0 1"/></body></worldbody></mujoco>"""
+MUSCLE = """<mujoco><worldbody><site name="anchor" pos="0 0 2"/>
+  <body name="a">{free}<geom size=".1"/><site name="s"/></body></worldbody>
+  <tendon><spatial name="t"><site site="anchor"/><site site="s"/></spatial></tendon>
+  <actuator><muscle name="m" tendon="t" lengthrange="1 2"/></actuator></mujoco>"""
+DRIVEN = """<mujoco><compiler angle="radian"/><worldbody><body name="base"><geom size=".1"/>
+<body name="upper"><joint name="j" range="-1 1" limited="true" {joint}/><geom size=".1"/>
+<site name="s"/><body name="lower" pos=".3 0 0"><joint name="k" type="slide" {other}/><geom size=".1"/>
+<site name="tip"/></body></body></body></worldbody>{more}</mujoco>"""
+ROPE = (
+    '<tendon><spatial name="t"><site site="s"/><site site="tip"/></spatial></tendon>'
+    '<actuator><motor name="m" joint="j"/></actuator>'
+)
+TEXTS = {
+    "force of a joint's actuators": (ROPE + '<sensor><jointactuatorfrc joint="j"/></sensor>', "", ""),
+    "force of a tendon's actuators": (ROPE + '<sensor><tendonactuatorfrc tendon="t"/></sensor>', "", ""),
+    "rangefinder": ('<sensor><rangefinder site="s"/></sensor>', "", ""),
+    "range of a joint's force": (ROPE, 'actuatorfrcrange="-7 9"', ""),
+    "no range of a joint's force": (ROPE, 'actuatorfrcrange="-7 9" actuatorfrclimited="false"', ""),
+    "gravity by the actuator": (ROPE, 'actuatorgravcomp="true" margin=".1"', ""),
+    "weld": ('<equality><weld body1="base" body2="lower"/></equality>', 'pos=".1 0 0"', 'pos="0 .1 0"'),
+    "weld by pose": ('<equality><weld body1="lower" body2="upper" relpose=".1 0 0 0 -1 0 0" anchor=".1 0 0"/></equality>', 'pos=".1 0 0"', 'pos="0 .1 0" ref=".2"'),
+    "muscle": (ROPE.replace("motor", "muscle").replace('joint="j"', 'tendon="t"'), "", 'axis="1 0 0" range="-.1 .1" limited="true"'),
+    "muscle of a joint": ('<actuator><muscle joint="j" lengthrange=".1 1"/></actuator>', "", ""),
+    "two drives of a joint": ('<actuator><motor name="a" joint="j" ctrlrange="0 1" ctrllimited="true"/><motor name="b" joint="j"/></actuator>', "", ""),
+    "user numbers": ('<actuator><motor joint="j" user="1 2"/></actuator>', "", ""),
+    "geared motor at ref": ('<actuator><motor joint="j" gear="3"/></actuator>', 'ref=".2"', ""),
+    "gain": ('<actuator><general joint="j" gainprm="20" ctrlrange="-1 2" ctrllimited="true"/></actuator>', "", ""),
+    "gain behind a filter": ('<actuator><general joint="j" gainprm="20" ctrlrange="-1 1" ctrllimited="true" dyntype="filter" dynprm=".1"/></actuator>', "", ""),
+    "keyframe without commands": ('<actuator><position joint="j" kp="3"/></actuator><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
+    "keyframes without names": (ROPE.replace('joint="j"', 'tendon="t"') + '<size nkey="2"/><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
+    "ranges that limit nothing": (ROPE.replace('joint="j"', 'tendon="t" forcerange="-2 2" forcelimited="false" ctrlrange="-1 1" ctrllimited="false"'), "", ""),
+    "general motor with a range of forces": ('<actuator><general joint="j" forcerange="-8 8" forcelimited="true"/></actuator>', "", ""),
+    "fixed tendon over a joint with ref": ('<tendon><fixed name="t" range="-1 2" limited="true" stiffness="3" springlength=".3"><joint joint="j" coef="2"/><joint joint="k" coef="-1"/></fixed></tendon><equality><tendon tendon1="t"/></equality><actuator><motor tendon="t"/></actuator><sensor><tendonpos tendon="t"/></sensor>', 'ref=".2"', 'ref="-.3"'),
+    "fixed tendon with a spring at rest": ('<tendon><fixed name="t" stiffness="3"><joint joint="j" coef="2"/></fixed></tendon>', 'ref=".2"', ""),
+    "quadrotor": ('<actuator><motor site="s" gear="0 0 1 0 0 .1"/></actuator>', "", ""),
+    "adhesion": ('<actuator><adhesion body="lower" ctrlrange="0 1" gain="2"/></actuator>', "", ""),
+}  # fmt: skip
 SAME = {
     "floating": (FLOATING, TET),
     "an ellipsoid of a mesh": (fitted("ellipsoid"), TET),
@@ -220,21 +268,26 @@ SAME = {
     "the world, to which the compiler would give a least mass": (BOUND, TET),
     "a fin that collides, is drawn and is braked by the water": (FISH, TET),
     "three joints of a base that weighs by its fixed bodies alone": (CART, TET),
-}
+    "a camera whose target is no body": (FOCUSED, TET),
+    "a muscle to the world": (MUSCLE.format(free=""), TET),
+    "a muscle to a hinge": (MUSCLE.format(free="<joint/>"), TET),
+    "a muscle to a floating body": (MUSCLE.format(free="<freejoint/>"), TET),
+    "a hard arm": ("", TET),
+} | {what: (DRIVEN.format(more=m, joint=j, other=o), TET) for what, (m, j, o) in TEXTS.items()}
 
 
 @pytest.mark.parametrize("what", SAME)
 def test_it_comes_out_as_it_went_in(what: str, tmp_path: Path):
-    assert compared(built(SAME[what][0], tmp_path, SAME[what][1])) == []
+    written = built(SAME[what][0], tmp_path, SAME[what][1])
+    assert compared(written) == []
+    assert proved(written) == []
 
 
 def test_objects_of_a_mesh_that_mujoco_leaves_out_are_told(tmp_path: Path):
     """MuJoCo's reader takes the faces of the first object; the bundle has those of all."""
     other = TET.replace("v 0", "v 4").replace("f", "f -4 -2 -3\n#")
     found = compared(built(FLOATING, tmp_path, f"o a\n{TET}o b\n{other}"))
-    assert [(finding.rule, finding.severity) for finding in found] == [
-        ("mjcf.first_object", "info")
-    ]
+    assert ranked(found) == [("mjcf.first_object", "info")]
 
 
 @pytest.mark.parametrize(
@@ -253,6 +306,9 @@ def test_objects_of_a_mesh_that_mujoco_leaves_out_are_told(tmp_path: Path):
         (RICH, 'solreflimit=".01 1"', "", "joint turn", "solref"),
         (RICH, 'active="false"', "", "loop pin", "extra"),
         (RICH, 'coef="2"', 'coef="3"', "tendon cable", "path"),
+        (RICH, 'sidesite="side"', "", "tendon rope", "path"),
+        (RICH, 'target="wheel"', 'target="arm"', "camera eye", "target"),
+        (RICH, 'sensorsize=".004 .002"', 'sensorsize=".004 .001"', "camera lens", "sensorsize"),
         (RICH, 'objname="hook"', 'objname="plate"', "sensor p", "object"),
         (RICH, '<exclude body1="arm" body2="wheel"', '<exclude body1="base" body2="wheel"',
          "pair rim rod", "touches"),
@@ -264,8 +320,9 @@ def test_objects_of_a_mesh_that_mujoco_leaves_out_are_told(tmp_path: Path):
     ],
 )  # fmt: skip
 def test_every_lie_is_found(text: str, old: str, new: str, subject: str, rule: str, tmp_path: Path):
-    written = with_change(built(text, tmp_path), old, new)
-    found = {(f.rule, f.subject) for f in compared(written)}
+    written = built(text, tmp_path)
+    edit(written.xml, (old, new))
+    found = about(compared(written))
     assert (f"equal.source.{rule}", subject) in found, found
     assert rule != "load" or found == {("equal.source.load", "robot")}
 
@@ -330,3 +387,13 @@ def test_more_memory_than_mujoco_takes_by_itself_is_kept(
     if kept is not None:
         assert int(mujoco.load(written.xml).model.narena) == kept
     assert compared(written) == []
+
+
+def test_geoms_that_collide_in_the_group_of_visual_ones_are_no_difference(tmp_path: Path):
+    text = """<mujoco><worldbody><body name="a"><geom name="g" group="2" size=".1" priority="1"
+    friction=".7 .005 .001" condim="1" solref=".015 1" solimp=".9 .9 .003 .5 2"/></body></worldbody>
+    </mujoco>"""
+    made = built(text, tmp_path)
+    assert proved(made) == []
+    edit(made.xml, ('condim="1"', 'condim="3"'))
+    assert rules(proved(made)) == {"equal.mjcf.condim"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,8 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdPhysics
-from robot_files import check_inputs, run_step, spoil_stage, write_robot_ports
-from tiny import TinyRobot, box_inertial, pendulum, sprung, tiny_quadruped
+from robot_files import about, figures, run_step, usd_inputs, write_robot_ports
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    pendulum,
+    sprung,
+    tiny_quadruped,
+    with_kinds,
+    with_mimic,
+)
 
 from assetbuild.checks._physx import PhysxReadback, _judge_motion
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
@@ -34,7 +41,6 @@ from assetbuild.robot.tree import held_by_world
 from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Setting
 from assetbuild.simulators.stages import perform_on_stages
 from assetbuild.targets.urdf import Urdf
-from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
 
@@ -47,9 +53,7 @@ def need_physx() -> None:
 def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Finding]:
     """Findings on the robot's asset after `spoil` has edited the main file's own layer."""
     need_physx()
-    inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
-    if spoil is not None:
-        spoil_stage(inputs / "usd/robot.usda", spoil)
+    inputs = usd_inputs(folder, robot, spoil)
     return run_step(PhysxReadback(robot="robot", seconds=0.1), inputs, folder / "out")
 
 
@@ -59,15 +63,15 @@ def joints(stage: Usd.Stage) -> list[Usd.Prim]:
 
 def test_quadruped_is_what_it_was(tmp_path: Path) -> None:
     assert check(tiny_quadruped(), tmp_path) == []
-    figures = json.loads((tmp_path / "out/figures.json").read_text())
-    counts = {k: figures[k] for k in ("articulations", "bodies", "dof", "shapes", "fixed_base")}
-    assert list(counts.values()) == [1, 13, 12, 17, False]
-    assert figures["mass_kg"] == pytest.approx(6.01 + 4 * (0.5 + 0.8 + 0.2), rel=1e-6)
+    found = figures(tmp_path / "out")
+    counts = [found[k] for k in ("articulations", "bodies", "dof", "shapes", "fixed_base")]
+    assert counts == [1, 13, 12, 17, False]
+    assert found["mass_kg"] == pytest.approx(6.01 + 4 * (0.5 + 0.8 + 0.2), rel=1e-6)
     # Nothing merged, as with `keep_bodies` for all: feet are bodies on fixed joints.
     robot = tiny_quadruped()
     assert check(replace(robot, tree=robot.links), tmp_path / "kept") == []
-    figures = json.loads((tmp_path / "kept/out/figures.json").read_text())
-    assert (figures["bodies"], figures["dof"], figures["shapes"]) == (18, 12, 17)
+    found = figures(tmp_path / "kept/out")
+    assert (found["bodies"], found["dof"], found["shapes"]) == (18, 12, 17)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +92,7 @@ def test_a_fixed_base_that_moves_is_an_error(base: Base, moved_m: float, drifts:
 def test_a_sprung_arm_settles_where_spring_and_weight_are_equal(tmp_path: Path) -> None:
     """m g r sin q = k (rest - q), by Newton's method; 1 kg, 0.25 m, 6 N m/rad, 0.5 rad."""
     need_physx()
-    main = check_inputs(tmp_path, sprung(), UsdTarget(robot="robot"), "usd") / "usd/robot.usda"
+    main = usd_inputs(tmp_path, sprung()) / "usd/robot.usda"
     run = Experiment("swing", Setting(0.002, (0.0, 0.0, -9.81)), steps=3000, every=100)
     motion = perform_on_stages(PhysxReadback.start, main, [run], 240.0)["swing"].motion
     assert motion is not None
@@ -147,7 +151,7 @@ def negated_axis(stage: Usd.Stage) -> None:
 def test_each_loss_is_caught(spoil: Spoil, rule: str, subject: str, tmp_path: Path) -> None:
     found = check(tiny_quadruped(), tmp_path, spoil)
     assert {f.severity for f in found} == {"error"}
-    assert (rule, subject) in {(f.rule, f.subject) for f in found}
+    assert (rule, subject) in about(found)
 
 
 def coupled() -> TinyRobot:
@@ -182,19 +186,11 @@ def test_a_fixed_base_a_mimic_and_a_spring_are_what_they_were(
 def test_physx_couples_joints_of_any_two_kinds(
     follower: JointKind, leader: JointKind, multiplier: float, offset: float, tmp_path: Path
 ) -> None:
-    robot = coupled()
-    kinds = {"lead": leader, "follow": follower}
-    ends = {"prismatic": Limits(-0.1, 0.1, 50.0, 10.0), "continuous": Limits(None, None, 50.0)}
-    joints = tuple(
-        replace(
-            joint,
-            kind=kinds[joint.name],
-            limits=ends.get(kinds[joint.name], joint.limits),
-            mimic=joint.mimic and Mimic("lead", multiplier, offset),
-        )
-        for joint in robot.tree.joints
-    )
-    tree = replace(robot.tree, joints=joints)
+    robot = with_mimic(coupled(), "follow", "lead", multiplier, offset)
+    tree = with_kinds(robot, lead=leader, follow=follower).tree
+    short = Limits(-0.1, 0.1, 50.0, 10.0)
+    joints = (replace(j, limits=short) if j.kind == "prismatic" else j for j in tree.joints)
+    tree = replace(tree, joints=tuple(joints))
     assert check(replace(robot, tree=tree, links=tree), tmp_path) == []
 
 
@@ -220,14 +216,15 @@ def test_a_mimic_that_physx_couples_otherwise_is_caught(tmp_path: Path, changed:
                 attribute.Block()
 
     found = {f.rule: f for f in check(coupled(), tmp_path, spoil)}
-    if changed == "offset":
-        assert list(found) == ["equal.physx.mimic_offset"]
-        assert found["equal.physx.mimic_offset"].data["found"] == pytest.approx(0.2, rel=1e-3)
-        return
-    row = found["equal.physx.mimic_multiplier"]
-    assert (row.subject, row.data["expected"]) == ("joint follow", -0.5)
-    value = 0.5 if changed == "multiplier" else 0.0
+    rule, expected, value = {
+        "multiplier": ("mimic_multiplier", -0.5, 0.5),
+        "lost": ("mimic_multiplier", -0.5, 0.0),
+        "offset": ("mimic_offset", 0.0, 0.2),
+    }[changed]
+    row = found[f"equal.physx.{rule}"]
+    assert (row.subject, row.data["expected"]) == ("joint follow", expected)
     assert row.data["found"] == pytest.approx(value, abs=1e-3)
+    assert changed != "offset" or len(found) == 1
 
 
 # --- An arm on a wall or a ceiling: every format holds its root there ---
@@ -247,8 +244,7 @@ def test_the_robots_own_prim_holds_it_in_usd_and_the_link_stays_in_its_origin(
     tmp_path: Path,
 ) -> None:
     """Isaac Lab replaces the pose of that prim, and at a reset that of the root link."""
-    inputs = check_inputs(tmp_path, hung(), UsdTarget(robot="robot"), "usd")
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    stage = Usd.Stage.Open(str(usd_inputs(tmp_path, hung()) / "usd/robot.usda"))
     for path, place in (("/robot", ON_THE_WALL.xyz), ("/robot/base", (0.0, 0.0, 0.0))):
         found = stage.GetPrimAtPath(path).GetAttribute("xformOp:translate").Get()
         assert np.array(found) == pytest.approx(place)

@@ -32,7 +32,6 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=200, help="mutations of each format")
     parser.add_argument("--format", choices=FORMATS, action="append")
     parser.add_argument("--rewrite", action="store_true", help="write the files anew, same meaning")
-    parser.add_argument("--processes", type=int, default=2)
     chosen = parser.parse_args(words)
     began = time.monotonic()
     alarms = 0
@@ -43,7 +42,7 @@ def main(words: Sequence[str] | None = None) -> int:
         there = {form_of(file) for file in files_of(bundle)}
         forms = [form for form in chosen.format or FORMATS if form in there]
         drawn = sample(bundle, forms, chosen.seed, chosen.count)
-        results = list(try_all(bundle, drawn, chosen.processes))
+        results = list(try_all(bundle, drawn))
         print(f"\n# {bundle.name}\n\n{table(results)}")
         print(f"\n{(time.monotonic() - began):.0f} s so far")
         print(*missed(results), sep="\n", flush=True)
@@ -83,9 +82,9 @@ def false_alarms(bundle: Path) -> int:
     from tests.mutations.rewrite import rewritten
 
     count = 0
-    for file, how, said in rewritten(bundle):
+    for file, said in rewritten(bundle):
         count += len(said)
-        print(f"{bundle.name}: {file}: {how}: {'; '.join(said[:3]) or 'nothing found'}", flush=True)
+        print(f"{bundle.name}: {file}: {'; '.join(said[:3]) or 'nothing found'}", flush=True)
     return count
 
 

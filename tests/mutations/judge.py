@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,20 +82,17 @@ class Judge:
     def _written_again(self) -> list[Finding]:
         """What the writers write otherwise; information is no finding here."""
         try:
-            reference = Reference.of_bundle(self.bundle)
-            found = prove_again(self.bundle, self.robot, reference)
+            found = prove_again(self.bundle, self.robot, Reference.of_bundle(self.bundle))
             return [finding for finding in found if finding.severity != "info"]
-        except AssetBuildError as error:
-            return [Finding("equal.unreadable", "error", "robot", error.message)]
-        except Exception:
-            return [_crash("again")]
+        except Exception as error:
+            return [_broken("again", error)]
 
     def _validate(self, file: str) -> list[Finding]:
         """What the comparison of every file with the bundle's robot says now, and did not."""
         try:
             reference = Reference.of_bundle(self.bundle)
         except AssetBuildError as error:
-            return [Finding("equal.unreadable", "error", "robot", error.message)]
+            return [_broken("robot", error)]
         said: list[Finding] = []
         for read in self._concerned(file):
             if _word(said) == "found":
@@ -106,8 +102,8 @@ class Judge:
                 if form_of(file) == "robot":
                     reader = _with_table(reader, read.table, reference)
                 said += read.news(reader.prove(reference, read.file).findings)
-            except Exception:  # a reader that breaks is a finding of this run
-                said.append(_crash(read.reader.format_id))
+            except Exception as error:  # a reader that breaks is a finding of this run
+                said.append(_broken(read.reader.format_id, error))
         return said if _word(said) == "found" else said + self._written_again()
 
     def _concerned(self, file: str) -> list[Read]:
@@ -122,10 +118,8 @@ class Judge:
     def _diff(self) -> list[Change]:
         try:
             return list(changes(self.before, bundle_side(self.bundle)).rows)
-        except AssetBuildError as error:
-            return [Change("CRITICAL", ("file",), error.message, "", "")]
-        except Exception:
-            return [Change("CRITICAL", ("file",), _crash("diff").message, "", "")]
+        except Exception as error:
+            return [Change("CRITICAL", ("file",), str(error), "", "")]
 
 
 def _side(untouched: Path) -> Side:
@@ -146,9 +140,11 @@ def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:
     return kind(robot=reader.robot, options=options)
 
 
-def _crash(form: str) -> Finding:
-    last = traceback.format_exc().strip().splitlines()[-1]
-    return Finding("crash", "error", form, last)
+def _broken(form: str, error: Exception) -> Finding:
+    """What an error of ours says is said; another one is no answer."""
+    if isinstance(error, AssetBuildError):
+        return Finding("equal.unreadable", "error", "robot", error.message)
+    return Finding("crash", "error", form, repr(error))
 
 
 def _identities(finding: Finding) -> frozenset[Identity]:

@@ -21,44 +21,20 @@ Rewriting = Callable[[Path], None]
 DECIMAL = re.compile(r"(?<![\w.])(-?\d+\.\d+)(?![\w.])")
 
 
-def rewritten(bundle: Path, *, at_once: bool = False) -> Iterator[tuple[str, str, list[str]]]:
-    """(file, way of writing it differently, what was then said or differed) of all files.
-
-    at_once: each file is written in all its ways, one after another, and then judged.
-    """
+def rewritten(bundle: Path) -> Iterator[tuple[str, list[str]]]:
+    """(file, what was said or differed once it was written in all other ways) of all files."""
     with tempfile.TemporaryDirectory(prefix="rewritten-") as name:
         bench = Bench(bundle, Path(name))
-        alarms = [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
-        yield "(untouched)", "as built", alarms
+        yield "(untouched)", [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
         for file in files_of(bench.bundle):
-            found = ways(file)
-            rows = [tuple(found)] if at_once and found else [(how,) for how in found]
-            for row in rows:
-                with kept(bench.bundle, file):
-                    for how in row:
-                        found[how](bench.bundle / file)
-                    refit(bench.bundle, file)
-                    verdict = bench.judge.ask(file)
-                    yield file, ", ".join(row), [*verdict.said, *verdict.told]
-
-
-def ways(file: str) -> Mapping[str, Rewriting]:
-    """By what they are called, the ways to write a file differently."""
-    ending = Path(file).suffix
-    if ending in (".xml", ".urdf"):
-        changes = XML if form_of(file) == "mjcf" else {k: XML[k] for k in list(XML)[:3]}
-        return {how: partial(_each, change=change) for how, change in changes.items()}
-    others: Mapping[str, Mapping[str, Rewriting]] = {
-        ".usda": {"layer exported": _export, "signs of quaternions": _usd_signs},
-        ".usdc": {"layer exported": _export},
-        ".py": {"unparsed": _unparse},
-        ".json": {"indented": _indent},
-        ".yaml": {"dumped": _dump},
-        ".xrdf": {"dumped": _dump},
-        ".obj": {"comments": _obj_comments},
-        ".png": {"compressed": _compress},
-    }
-    return others.get(ending, {})
+            changes = XML if form_of(file) == "mjcf" else XML[:-1]
+            of_xml = tuple(partial(_each, change=change) for change in changes)
+            with kept(bench.bundle, file):
+                for way in WAYS.get(Path(file).suffix, of_xml):
+                    way(bench.bundle / file)
+                refit(bench.bundle, file)
+                verdict = bench.judge.ask(file)
+                yield file, [*verdict.said, *verdict.told]
 
 
 def _each(path: Path, change: Callable[[etree._Element], None]) -> None:
@@ -93,12 +69,7 @@ def _flip(element: etree._Element) -> None:
         element.set("quat", " ".join(repr(-float(word)) for word in quat.split()))
 
 
-XML = {
-    "comments": _comment,
-    "order of attributes": _reverse,
-    "spelling": _spell,
-    "signs of quaternions": _flip,
-}
+XML = (_comment, _reverse, _spell, _flip)
 """The last one for MJCF alone."""
 
 
@@ -153,3 +124,17 @@ def _compress(path: Path) -> None:
     with Image.open(path) as opened:
         picture = opened.copy()
     picture.save(path, compress_level=1)
+
+
+WAYS: Mapping[str, tuple[Rewriting, ...]] = {
+    ".usda": (_export, _usd_signs),
+    ".usdc": (_export,),
+    ".py": (_unparse,),
+    ".json": (_indent,),
+    ".yaml": (_dump,),
+    ".xrdf": (_dump,),
+    ".obj": (_obj_comments,),
+    ".mtl": (),
+    ".png": (_compress,),
+}
+"""By ending, the ways to write a file differently; XML has those of its elements."""

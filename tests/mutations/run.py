@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import random
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -19,7 +17,6 @@ from tests.mutations.meaning import Meaning, differ, meaning
 
 Fate = Literal["refused", "same", "tried"]
 """refused: the format's own library does not take the file. same: the change means nothing."""
-CHUNK = 4
 
 
 @dataclass(frozen=True)
@@ -77,28 +74,7 @@ def sample(bundle: Path, forms: Sequence[str], seed: int, count: int) -> list[Mu
     return drawn
 
 
-def try_all(bundle: Path, chosen: Sequence[Mutation], processes: int) -> Iterator[Result]:
+def try_all(bundle: Path, chosen: Sequence[Mutation]) -> Iterator[Result]:
     """Results in the order of the mutations."""
     with tempfile.TemporaryDirectory(prefix="mutations-") as name:
-        folder = Path(name)
-        if processes == 1:
-            bench = Bench(bundle, folder)
-            yield from map(bench.try_one, chosen)
-            return
-        with ProcessPoolExecutor(
-            processes, multiprocessing.get_context("spawn"), _start, (bundle, folder)
-        ) as pool:
-            yield from pool.map(_try, chosen, chunksize=CHUNK)
-
-
-_BENCH: list[Bench] = []
-"""The bench of this process of the pool."""
-
-
-def _start(bundle: Path, folder: Path) -> None:
-    own = Path(tempfile.mkdtemp(dir=folder))
-    _BENCH.append(Bench(bundle, own))
-
-
-def _try(mutation: Mutation) -> Result:
-    return _BENCH[0].try_one(mutation)
+        yield from map(Bench(bundle, Path(name)).try_one, chosen)
