@@ -126,7 +126,7 @@ def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp
     assert ("mjcf.loop_at_zero" in rules) == told
 
 
-# --- what only MJCF can say: the whole way from a source stands in tests/facts/test_mjcf.py -------
+# --- what only MJCF can say: the whole way from a source is in checks/test_mjcf_source.py -------
 
 
 @pytest.mark.parametrize(
