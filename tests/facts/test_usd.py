@@ -6,20 +6,17 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 from gripper import gripper
-from hypothesis import given, settings
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from random_robots import examples, robots
-from robot_files import check_inputs, run_step, spoil_stage
+from robot_files import about, check_inputs, run_step, spoil_stage
 from tiny import TinyRobot, four_bar, pendulum, sprung, tiny_quadruped, with_control
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.readers._usd import UsdReader, ignored_words
+from assetbuild.facts.readers._usd import UsdReader, UsdSceneReader, ignored_words
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Contact
+from assetbuild.robot.model import Contact, Simulation
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -38,13 +35,11 @@ def check(
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot", options=options), "usd")
     if spoil is not None:
         spoil_stage(inputs / "usd" / layer, spoil)
-    reader = UsdReader(robot="robot", options={"usd": options.model_dump(mode="json")})
-    return run_step(reader, inputs, folder / "out")
-
-
-def rules(findings: list[Finding]) -> set[tuple[str, str]]:
+    kind = UsdSceneReader if layer == "scene.usda" else UsdReader
+    reader = kind(robot="robot", options={"usd": options.model_dump(mode="json")})
+    findings = run_step(reader, inputs, folder / "out")
     assert {f.severity for f in findings} <= {"error"}
-    return {(f.rule, f.subject) for f in findings}
+    return findings
 
 
 def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> None:
@@ -76,11 +71,17 @@ def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_pat
     assert check(robot, tmp_path) == []
 
 
-@settings(max_examples=examples(40), deadline=None)
-@given(robots())
-def test_every_random_tree_is_equal(robot: TinyRobot) -> None:
-    with TemporaryDirectory() as folder:
-        assert check(robot, Path(folder)) == []
+def test_the_scene_of_a_robot_on_the_moon_is_equal(tmp_path: Path) -> None:
+    moon = Simulation(gravity=(0.0, 0.3, -1.6), timestep=0.003)
+    feet = (("FR_foot_collision", Contact(friction=(0.5, 0.01, 0.02))),)
+    robot = with_control(tiny_quadruped(), simulation=moon, contacts=feet)
+    assert check(robot, tmp_path, layer="scene.usda") == []
+
+
+@pytest.mark.parametrize("name", ["physics", "floor", "PhysicsMaterials"])
+def test_a_robot_may_be_called_like_a_part_of_the_scene(name: str, tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot=name), "usd")
+    assert run_step(UsdSceneReader(robot=name), inputs, tmp_path / "out") == []
 
 
 def test_identifiers_options_and_masks_are_equal(tmp_path: Path) -> None:
@@ -91,11 +92,8 @@ def test_identifiers_options_and_masks_are_equal(tmp_path: Path) -> None:
     joints = tuple(replace(j, name=f"{j.name}.1") for j in robot.tree.joints)
     rows = tuple(replace(a, joint=f"{a.joint}.1", effort=None, velocity=None)
                  for a in robot.control.actuators)  # fmt: skip
-    robot = replace(
-        robot,
-        tree=replace(robot.tree, joints=joints),
-        control=replace(robot.control, actuators=rows, keyframes=(), contacts=contacts),
-    )
+    robot = replace(robot, tree=replace(robot.tree, joints=joints))
+    robot = with_control(robot, actuators=rows, keyframes=(), contacts=contacts)
     options = UsdOptions.model_validate({
         "instanceable": False, "drive_type": "acceleration", "mimics": False,
         "rigid_body": {"linear_damping": 0.1, "max_angular_velocity": 50.0},
@@ -167,11 +165,23 @@ OF_A_LOOP = [
     ("missing", "loop coupler_loop", f"{LOOP}.physics:excludeFromArticulation", lambda _: False),
     ("solimp", "loop coupler_loop", f"{LOOP}.mjc:solimp", lambda _: [0.1, 0.95, 0.001, 0.5, 2.0]),
 ]
+SCENE, FLOOR = "/World/physics", "/World/PhysicsMaterials/floor"
+OF_THE_SCENE = [
+    ("gravity", "simulation", f"{SCENE}.physics:gravityMagnitude", lambda _: 9.0),
+    ("gravity", "simulation", f"{SCENE}.physics:gravityDirection", times(-1.0)),
+    ("timestep", "simulation", f"{SCENE}.physxScene:timeStepsPerSecond", lambda _: 100),
+    ("friction", "floor", f"{FLOOR}.physics:staticFriction", times(0.1)),
+    ("restitution", "floor", f"{FLOOR}.physics:restitution", lambda _: 0.5),
+    ("frictioncombinemode", "floor", f"{FLOOR}.physxMaterial:frictionCombineMode", lambda _: "min"),
+    ("size", "floor", "/World/floor.width", lambda _: 1.0),
+    ("initial_pose", "start FR_calf", "/World/robot/FR_calf.xformOp:translate", times(2.0)),
+    ("intensity", "light", "/World/light.inputs:intensity", lambda _: 1.0),
+]
 
 
 @pytest.mark.parametrize(
     ("robot", "rule", "subject", "attribute", "change"),
-    [(tiny_quadruped(), *row) for row in ATTRIBUTES]
+    [(tiny_quadruped(), *row) for row in ATTRIBUTES + OF_THE_SCENE]
     + [(gripper(), *row) for row in OF_A_GRIPPER]
     + [(four_bar("weld"), *row) for row in OF_A_LOOP],
 )
@@ -188,9 +198,11 @@ def test_a_changed_attribute_is_named_with_both_values(
         assert found, attribute
         assert found.Set(change(found.Get()))
 
-    layer = "payloads/geometries.usdc" if attribute.startswith(TILE) else "robot.usda"
+    places = {TILE: ("payloads/geometries.usdc", "usd"), "/World": ("scene.usda", "usd_scene")}
+    of = next((place for place in places if attribute.startswith(place)), "")
+    layer, form = places.get(of, ("robot.usda", "usd"))
     findings = check(robot, tmp_path, spoil, layer=layer)
-    ours = [f for f in findings if f.rule == f"equal.usd.{rule}"]
+    ours = [f for f in findings if f.rule == f"equal.{form}.{rule}"]
     assert any(subject in {f.subject, *f.data.get("subjects", ())} for f in ours)
     assert rule == "missing" or all({"expected", "found"} <= set(f.data) for f in ours)
 
@@ -208,7 +220,7 @@ def test_what_libraries_and_tools_read_is_found(tmp_path: Path) -> None:
         stage.GetPrimAtPath(HIP).RemoveAppliedSchema("PhysxJointAPI")
         stage.GetPrimAtPath("/robot/trunk/visuals/trunk_visual").SetInstanceable(False)
 
-    found = rules(check(tiny_quadruped(), tmp_path, spoil))
+    found = about(check(tiny_quadruped(), tmp_path, spoil))
     words = ("kind", "mass", "rigid_body_count", "robottype", "robotjoints")
     assert {(f"equal.usd.{word}", "robot") for word in words} <= found
     instanced = ("equal.usd.instanced", "shape trunk_visual")
@@ -223,7 +235,7 @@ def test_one_material_for_all_is_found(tmp_path: Path) -> None:
         ):
             stage.GetPrimAtPath(path).GetRelationship(name).SetTargets([f"/robot/{material}"])
 
-    found = rules(check(gripper(), tmp_path, bind))
+    found = about(check(gripper(), tmp_path, bind))
     assert {("equal.usd.friction", "shape a_pad"), ("equal.usd.rgba", "shape b_skin"),
             ("equal.usd.dynamicfriction", "shape a_pad"), ("equal.usd.texture", "shape b_skin"),
             ("equal.usd.material", "shape b_skin")} <= found  # fmt: skip
@@ -263,7 +275,7 @@ def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
         joint.GetLocalRot1Attr().Set(Gf.Quatf(0, 0, 1, 0))
 
     findings = check(tiny_quadruped(), tmp_path, spoil)
-    assert rules(findings) == {("equal.usd.axis", "joint FR_hip_joint")}
+    assert about(findings) == {("equal.usd.axis", "joint FR_hip_joint")}
 
 
 @pytest.mark.parametrize(
@@ -282,12 +294,20 @@ def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
             "isaac:physics:robotLinks").RemoveTarget("/robot/FR_hip")),
         ("robotlinks", "robot", lambda s: s.GetPrimAtPath("/robot/FR_hip").CreateAttribute(
             "isaac:nameOverride", Sdf.ValueTypeNames.String).Set("FL_hip")),
+        ("height", "floor", lambda s: UsdGeom.Xformable(
+            s.GetPrimAtPath("/World/floor")).AddTranslateOp().Set((0.0, 0.0, 0.1))),
+        ("collides", "floor", lambda s: s.GetPrimAtPath("/World/floor").RemoveAPI(
+            UsdPhysics.CollisionAPI)),
+        ("friction", "floor", lambda s: s.GetRelationshipAtPath(
+            "/World/floor.material:binding:physics").SetTargets([])),
     ],
 )  # fmt: skip
 def test_what_is_said_of_whole_prims_is_compared(
     rule: str, subject: str, spoil: Spoil, tmp_path: Path
 ) -> None:
-    assert (f"equal.usd.{rule}", subject) in rules(check(tiny_quadruped(), tmp_path, spoil))
+    layer, form = ("scene.usda", "usd_scene") if subject == "floor" else ("robot.usda", "usd")
+    found = check(tiny_quadruped(), tmp_path, spoil, layer=layer)
+    assert (f"equal.{form}.{rule}", subject) in about(found)
 
 
 def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
