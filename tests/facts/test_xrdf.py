@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from robot_files import run_step, write_robot_ports
+from robot_files import about, edit, laid_out, run_step
 from tiny import TinyRobot, tiny_quadruped, with_mimic
 
 from assetbuild.facts.readers.xrdf import Xrdf as XrdfFacts
@@ -18,33 +18,17 @@ from assetbuild.targets.xrdf.covers import XrdfOptions
 SAID = XrdfOptions(
     acceleration={"FR_.*": 7.0, ".*": 9.0}, jerk=100, tool_frames=("FR_foot", "imu"), max_spheres=2
 )
-OPTIONS = {"xrdf": SAID.model_dump(mode="json")}
 
 
-def laid_out(folder: Path, robot: TinyRobot, said: XrdfOptions = SAID) -> Path:
-    ports = write_robot_ports(folder, robot)
-    run_step(Urdf(robot="tiny"), ports, ports)
-    run_step(Xrdf(robot="tiny", options=said), ports, ports)
-    return ports
+def written(folder: Path, robot: TinyRobot, said: XrdfOptions = SAID) -> Path:
+    targets = (Urdf(robot="tiny"), "urdf"), (Xrdf(robot="tiny", options=said), "xrdf")
+    return laid_out(folder / "in", robot, *targets)
 
 
-@pytest.fixture(scope="module")
-def ports(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return laid_out(tmp_path_factory.mktemp("xrdf"), tiny_quadruped())
-
-
-def proved(ports: Path, folder: Path, *edits: tuple[str, str]) -> list[Finding]:
-    """The XRDF, edited, against the recipe and the robot."""
-    path = ports / "xrdf/tiny.xrdf"
-    before = text = path.read_text()
-    for old, new in edits:
-        assert old in text, text
-        text = text.replace(old, new, 1)
-    try:
-        path.write_text(text)
-        return run_step(XrdfFacts(robot="tiny", options=OPTIONS), ports, folder)
-    finally:
-        path.write_text(before)
+def proved(ports: Path, said: XrdfOptions = SAID) -> list[Finding]:
+    """The XRDF against the recipe and the robot."""
+    step = XrdfFacts(robot="tiny", options={"xrdf": said.model_dump(mode="json")})
+    return run_step(step, ports, ports.parent)
 
 
 @pytest.mark.parametrize("joints", [".*", "FR_.*"])
@@ -56,9 +40,8 @@ def test_what_we_write_is_the_robot(joints: str, tmp_path: Path):
         with_mimic(replace(robot, tree=one), "FR_thigh_joint", "FR_calf_joint", -2.0, 0.1).tree
         for one in (robot.tree, robot.links)
     )
-    ports = laid_out(tmp_path / "in", replace(robot, tree=tree, links=links), said)
-    step = XrdfFacts(robot="tiny", options={"xrdf": said.model_dump(mode="json")})
-    assert run_step(step, ports, tmp_path) == []
+    robot = replace(robot, tree=tree, links=links)
+    assert proved(written(tmp_path, robot, said), said) == []
     assert '"facts": 0' not in (tmp_path / "figures.json").read_text()
 
 
@@ -74,16 +57,14 @@ def test_what_we_write_is_the_robot(joints: str, tmp_path: Path):
         ("pair FR_thigh RL_calf", "ignored", "FR_thigh: [FR_calf", "FR_thigh: [RL_calf"),
     ],
 )  # fmt: skip
-def test_a_wrong_number_is_named(
-    subject: str, quantity: str, old: str, new: str, ports: Path, tmp_path: Path
-):
-    findings = proved(ports, tmp_path, (old, new))
-    named = {(f.rule, s) for f in findings for s in (f.subject, *f.data.get("subjects", ()))}
-    assert (f"equal.xrdf.{quantity}", subject) in named
+def test_a_wrong_number_is_named(subject: str, quantity: str, old: str, new: str, tmp_path: Path):
+    ports = written(tmp_path, tiny_quadruped())
+    edit(ports / "xrdf/tiny.xrdf", (old, new))
+    assert (f"equal.xrdf.{quantity}", subject) in about(proved(ports))
 
 
 @pytest.mark.parametrize("text", ["[", ""])
-def test_what_is_no_yaml_is_one_error(text: str, ports: Path, tmp_path: Path):
-    whole = (ports / "xrdf/tiny.xrdf").read_text()
-    (found,) = proved(ports, tmp_path, (whole, text))
-    assert found.rule == "equal.unreadable"
+def test_what_is_no_yaml_is_one_error(text: str, tmp_path: Path):
+    ports = written(tmp_path, tiny_quadruped())
+    (ports / "xrdf/tiny.xrdf").write_text(text)
+    assert [found.rule for found in proved(ports)] == ["equal.unreadable"]
