@@ -270,6 +270,16 @@ def turned(robot: TinyRobot) -> TinyRobot:
     return replace(robot, control=replace(robot.control, keyframes=keyframes))
 
 
+def with_base(robot: TinyRobot, lift: float) -> TinyRobot:
+    """The same robot; its keyframes hold a floating base higher by `lift`, m."""
+    keys = []
+    for key in robot.control.keyframes:
+        assert key.base
+        x, y, z = key.base.xyz
+        keys.append(replace(key, base=Pose((x, y, z + lift), key.base.quat)))
+    return with_control(robot, keyframes=tuple(keys))
+
+
 def odd_drives(robot: TinyRobot) -> TinyRobot:
     """The same robot without keyframes; its joints are in turn a motor without a limit, a dc motor
     with a stall torque of 70 N m, a general drive and passive."""

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import pytest
 from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
-from robot_files import check_inputs, checked, models, run_step, spoil_stage
-from tiny import TinyRobot, pendulum, tiny_quadruped, with_drives
+from robot_files import check_inputs, checked, figures, mjcf_inputs, models, run_step, spoil_stage
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_base, with_control, with_drives
 
 from assetbuild.checks._mujoco import Slope
 from assetbuild.checks._newton import NewtonSlope
 from assetbuild.checks._physx import PhysxSlope
 from assetbuild.checks.stand import Stand
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Actuator, Control, Keyframe
+from assetbuild.robot.model import Actuator, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
 from assetbuild.simulators.mujoco.slope import SLOW, creep
@@ -30,37 +28,24 @@ from assetbuild.simulators.mujoco.stand import outcome
 from assetbuild.targets.mjcf import Mjcf, MjcfOptions
 
 FEET = ".*_foot"
+LEGS = ("FR", "FL", "RR", "RL")
+DOG = tiny_quadruped()
 
 
 def check(robot: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
-    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
     step = Stand.model_validate({"feet": FEET} | fields)
-    return run_step(step, inputs, folder / "out")
-
-
-def figures(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / "out/figures.json").read_text())
+    return run_step(step, mjcf_inputs(folder, robot), folder / "out")
 
 
 def rules(found: list[Finding]) -> set[tuple[str, str]]:
     return {(f.rule, f.severity) for f in found}
 
 
-def with_base(robot: TinyRobot, lift: float) -> TinyRobot:
-    """All keyframes higher by `lift`, m."""
-    keys = []
-    for key in robot.control.keyframes:
-        assert key.base
-        x, y, z = key.base.xyz
-        keys.append(replace(key, base=Pose((x, y, z + lift), key.base.quat)))
-    return replace(robot, control=replace(robot.control, keyframes=tuple(keys)))
-
-
 @pytest.mark.parametrize("model", ["pd", "ideal_pd"])
 def test_quadruped_stands_on_its_four_feet(model: str, tmp_path: Path) -> None:
     """Whoever applies the law: the simulator, or a controller outside."""
-    assert check(with_drives(tiny_quadruped(), model=model), tmp_path) == []
-    numbers = figures(tmp_path)
+    assert check(with_drives(DOG, model=model), tmp_path) == []
+    numbers = figures(tmp_path / "out")
     assert numbers["touching"] == [f"{leg}_foot_collision" for leg in ("FL", "FR", "RL", "RR")]
     assert abs(float(numbers["height_change_m"])) < 0.02
     assert numbers["stood"]["outcome"] == "stands"
@@ -82,10 +67,10 @@ def test_quadruped_stands_on_its_four_feet(model: str, tmp_path: Path) -> None:
 def test_drives_that_do_not_hold_it_are_found(
     tmp_path: Path, drives: dict[str, object], rule: str, severity: str
 ) -> None:
-    found = rules(check(with_drives(tiny_quadruped(), **drives), tmp_path))
+    found = rules(check(with_drives(DOG, **drives), tmp_path))
     assert (rule, severity) in found
     assert rule != "stand.sag" or ("stand.fall", "error") not in found
-    assert figures(tmp_path)["finite"] is (rule != "stand.finite")
+    assert figures(tmp_path / "out")["finite"] is (rule != "stand.finite")
 
 
 @pytest.mark.parametrize(
@@ -95,9 +80,9 @@ def test_drives_that_do_not_hold_it_are_found(
 def test_a_start_off_the_floor_is_found_in_millimetres(
     tmp_path: Path, lift: float, severity: str, said: str
 ) -> None:
-    found = check(with_base(tiny_quadruped(), lift), tmp_path)
+    found = check(with_base(DOG, lift), tmp_path)
     starts = [f for f in found if f.rule == "stand.sole_gap"]
-    feet = {f"link {leg}_foot" for leg in ("FR", "FL", "RR", "RL")} if severity else set()
+    feet = {f"link {leg}_foot" for leg in LEGS} if severity else set()
     assert {f.subject for f in starts} == feet
     assert all(f.severity == severity and said in f.message for f in starts)
 
@@ -106,10 +91,9 @@ def with_shapes(robot: TinyRobot, *more: Shape) -> TinyRobot:
     return replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, *more)))
 
 
-SHOES = [Shape(f"{leg}_shoe", f"{leg}_calf", "collision", Box((0.02, 0.02, 0.02)))
-         for leg in ("FR", "FL", "RR", "RL")]  # fmt: skip
+CUBE = Box((0.02, 0.02, 0.02))
+SHOES = [Shape(f"{leg}_shoe", f"{leg}_calf", "collision", CUBE) for leg in LEGS]
 TAIL = Shape("tail", "trunk", "collision", Box((0.02, 0.02, 0.6)), Pose((-0.3, 0.0, 0.0)))
-DOG = tiny_quadruped()
 
 
 @pytest.mark.parametrize(
@@ -135,12 +119,12 @@ def test_what_may_touch_and_how_far_it_may_move_is_the_recipe_s(
 
 def test_a_fixed_robot_whose_drive_lets_go_falls(tmp_path: Path) -> None:
     """Held out sideways by a drive of 0.1 N m/rad, a pendulum swings down."""
-    robot = pendulum()
     drive = Actuator("swing_joint", "pd", 0.1, 1.0, effort=5.0)
-    control = Control((drive,), (Keyframe("home", (("swing_joint", 1.5),)),))
-    (fall,) = check(replace(robot, control=control), tmp_path, feet=None)
+    out = Keyframe("home", (("swing_joint", 1.5),))
+    robot = with_control(pendulum(), actuators=(drive,), keyframes=(out,))
+    (fall,) = check(robot, tmp_path, feet=None)
     assert rules([fall]) == {("stand.fall", "error")} and fall.subject == "actuator swing_joint"
-    assert figures(tmp_path)["stood"]["outcome"] == "falls"
+    assert figures(tmp_path / "out")["stood"]["outcome"] == "falls"
 
 
 def stood(**values: object) -> Stood:
@@ -180,24 +164,24 @@ def test_what_a_robot_does_is_one_of_five_words(values: dict[str, object], word:
 def test_a_keyframe_or_feet_that_are_not_there_are_an_error(
     words: dict[str, str], rule: str, tmp_path: Path
 ) -> None:
-    assert (rule, "error") in rules(check(tiny_quadruped(), tmp_path, **words))
+    assert (rule, "error") in rules(check(DOG, tmp_path, **words))
 
 
 # --- slope ---------------------------------------------------------------------------------------
 
 
 def evaluate(
-    folder: Path, options: MjcfOptions, robot: TinyRobot | None = None
+    folder: Path, robot: TinyRobot = DOG, **options: str
 ) -> tuple[list[Finding], dict[str, dict]]:
-    target = Mjcf(robot="robot", options=options)
-    inputs = check_inputs(folder, robot or tiny_quadruped(), target, "mjcf")
+    target = Mjcf(robot="robot", options=MjcfOptions.model_validate(options))
+    inputs = check_inputs(folder, robot, target, "mjcf")
     return checked(Slope(robot="robot"), inputs, folder / "out")
 
 
 def test_a_pyramidal_cone_without_impratio_lets_them_slide(tmp_path: Path) -> None:
-    (found,), figures = evaluate(tmp_path, MjcfOptions(cone="pyramidal"))
+    (found,), measured = evaluate(tmp_path, cone="pyramidal")
     assert found.rule == "slope.creep"
-    assert figures["mjcf"]["speed_m_s"] > 1e-3
+    assert measured["mjcf"]["speed_m_s"] > 1e-3
 
 
 TOWER = """<mujoco><option cone="elliptic" impratio="10" timestep="0.002"/><worldbody>
@@ -216,12 +200,10 @@ def test_a_tall_robot_that_rocks_when_the_ground_tilts_does_not_creep():
 
 
 def test_feet_without_friction_are_not_judged(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    contact = robot.control.contact.model_copy(update={"condim": 1, "priority": 1})
-    robot = replace(robot, control=replace(robot.control, contact=contact, contacts=()))
-    findings, figures = evaluate(tmp_path, MjcfOptions(), robot)
+    contact = DOG.control.contact.model_copy(update={"condim": 1, "priority": 1})
+    findings, measured = evaluate(tmp_path, with_control(DOG, contact=contact))
     assert findings == []
-    assert figures["mjcf"]["skipped"] == "its feet have no friction"
+    assert measured["mjcf"]["skipped"] == "its feet have no friction"
 
 
 def test_feet_stay_on_a_slope_that_friction_holds_flatter_where_drives_give_way(
@@ -229,10 +211,9 @@ def test_feet_stay_on_a_slope_that_friction_holds_flatter_where_drives_give_way(
 ) -> None:
     angles = []
     for kp, kd in ((100.0, 3.0), (25.0, 1.0)):
-        robot = with_drives(tiny_quadruped(), kp=kp, kd=kd)
-        findings, figures = evaluate(tmp_path / str(kp), MjcfOptions(), robot)
+        findings, measured = evaluate(tmp_path / str(kp), with_drives(DOG, kp=kp, kd=kd))
         assert findings == []
-        row = figures["mjcf"]
+        row = measured["mjcf"]
         assert row["speed_m_s"] < 1e-3
         assert row["angle_rad"] == pytest.approx(0.8 * math.atan(row["friction"]), rel=1e-3)
         angles.append(row["angle_rad"])
@@ -250,7 +231,7 @@ def slippery(stage: Usd.Stage) -> None:
 
 @needs_physx
 def test_feet_that_lost_their_friction_slide_in_physx(tmp_path: Path) -> None:
-    inputs = models(tmp_path, tiny_quadruped())
+    inputs = models(tmp_path, DOG)
     assert run_step(PhysxSlope(robot="robot"), inputs, tmp_path / "good") == []
     spoil_stage(inputs / "usd/robot.usda", slippery)
     (found,) = run_step(PhysxSlope(robot="robot"), inputs, tmp_path / "bad")
@@ -260,7 +241,7 @@ def test_feet_that_lost_their_friction_slide_in_physx(tmp_path: Path) -> None:
 @pytest.mark.slow
 @needs_newton
 def test_a_pyramidal_cone_slides_in_newton_too(tmp_path: Path) -> None:
-    check, inputs = NewtonSlope(robot="robot", environment=""), models(tmp_path, tiny_quadruped())
+    check, inputs = NewtonSlope(robot="robot", environment=""), models(tmp_path, DOG)
     assert run_step(check, inputs, tmp_path / "good") == []
     cone = Mjcf(robot="robot", options=MjcfOptions(cone="pyramidal"))
     run_step(cone, inputs, tmp_path / "pyramidal")
