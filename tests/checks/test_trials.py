@@ -8,35 +8,26 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from checks.test_stand import figures, with_base
-from robot_files import check_inputs, configured, run_step, write_robot_ports
-from tiny import TinyRobot, tiny_quadruped, with_drives
+from robot_files import configured, figures, mjcf_inputs, rules, run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped, with_base, with_control, with_drives
 
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding
+from assetbuild.robot.model import Simulation
 from assetbuild.robot.shapes import Box, Shapes
 from assetbuild.simulators.mujoco.trials import energy_drift, support
-from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()
 
 
 def tried(robot: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
-    inputs = check_inputs(folder, robot, Mjcf(robot="tiny"), "mjcf")
-    return run_step(Trials(poses=50, **fields), inputs, folder / "out")
+    return run_step(Trials(poses=50, **fields), mjcf_inputs(folder, robot), folder / "out")
 
 
-def rules(found: list[Finding]) -> set[str]:
-    return {finding.rule for finding in found}
-
-
-def drives(**values: object) -> TinyRobot:
-    return with_drives(QUADRUPED, **values)
-
-
-def with_timestep(robot: TinyRobot, seconds: float) -> TinyRobot:
-    simulation = robot.control.simulation.model_copy(update={"timestep": seconds})
-    return replace(robot, control=replace(robot.control, simulation=simulation))
+def drives(timestep: float = 0.005, **values: object) -> TinyRobot:
+    """timestep: s."""
+    robot = with_drives(QUADRUPED, **values)
+    return with_control(robot, simulation=Simulation(timestep=timestep))
 
 
 def wide_trunk() -> TinyRobot:
@@ -45,13 +36,13 @@ def wide_trunk() -> TinyRobot:
         replace(s, geometry=Box((0.6, 0.6, 0.5))) if s.name == "trunk_collision" else s
         for s in QUADRUPED.shapes.shapes
     )
-    control = replace(QUADRUPED.control, excludes=())
-    return replace(QUADRUPED, shapes=replace(QUADRUPED.shapes, shapes=shapes), control=control)
+    robot = replace(QUADRUPED, shapes=replace(QUADRUPED.shapes, shapes=shapes))
+    return with_control(robot, excludes=())
 
 
 def test_a_sound_robot_passes_with_figures_for_every_joint(tmp_path: Path):
     assert tried(QUADRUPED, tmp_path) == []
-    measured = figures(tmp_path)
+    measured = figures(tmp_path / "out")
     assert len(measured["drives"]) == len(QUADRUPED.control.actuators)
     assert measured["support_margin_m"] > 0.0
     assert measured["settle"]["finite"]
@@ -87,7 +78,7 @@ def test_the_recipe_says_whose_the_drives_are_and_who_sees_it_fall(
 
 
 def test_a_coarse_timestep_is_told(tmp_path: Path):
-    found = tried(with_timestep(QUADRUPED, 0.1), tmp_path, energy=1e-4)
+    found = tried(drives(timestep=0.1), tmp_path, energy=1e-4)
     messages = {finding.rule: finding.message for finding in found}
     assert messages["trials.energy"].endswith("(limit 0.01%)")
     assert messages["trials.timestep"].endswith("rad (limit 0.02)")
@@ -111,11 +102,11 @@ def test_a_file_with_hundreds_of_joints_is_not_simulated():
 
 def test_drives_that_outrun_the_timestep_do_not_rest(tmp_path: Path):
     """Damping of 5 N m s/rad on legs of some grams, without rotors: at 5 ms the robot hops on."""
-    light = drives(kp=100.0, kd=5.0, armature=0.0, friction=0.0, effort=60.0)
-    coarse = tried(with_timestep(light, 0.005), tmp_path / "coarse")
+    light = {"kp": 100.0, "kd": 5.0, "armature": 0.0, "friction": 0.0, "effort": 60.0}
+    coarse = tried(drives(0.005, **light), tmp_path / "coarse")
     (told,) = [f for f in coarse if f.rule == "trials.rest"]
     assert "`simulation.timestep`" in told.hint
-    assert tried(with_timestep(light, 0.00125), tmp_path / "fine") == []
+    assert tried(drives(0.00125, **light), tmp_path / "fine") == []
 
 
 @pytest.mark.parametrize(("timestep", "explodes"), [(0.005, True), (0.0005, False)])
@@ -123,15 +114,14 @@ def test_an_untrained_policy_must_not_drive_it_to_infinity(
     timestep: float, explodes: bool, tmp_path: Path
 ):
     """Stiff servos on legs without rotors: 5 ms is too long, 0.5 ms is not."""
-    stiff = drives(kp=1000.0, kd=2.0, armature=0.0, friction=0.0, damping=0.0, effort=1000.0)
-    found = tried(with_timestep(stiff, timestep), tmp_path)
+    loose = {"armature": 0.0, "friction": 0.0, "damping": 0.0}
+    found = tried(drives(timestep, kp=1000.0, kd=2.0, effort=1000.0, **loose), tmp_path)
     assert ("trials.random_targets_diverge" in rules(found)) is explodes
-    assert (figures(tmp_path)["shake"]["seconds"] is not None) is explodes
+    assert (figures(tmp_path / "out")["shake"]["seconds"] is not None) is explodes
 
 
 def test_a_simulation_that_explodes_is_an_error(tmp_path: Path):
-    robot = drives(kp=1e12, kd=0.0, effort=None)
-    found = tried(with_timestep(robot, 0.05), tmp_path)
+    found = tried(drives(0.05, kp=1e12, kd=0.0, effort=None), tmp_path)
     assert "trials.unstable" in rules(found)
 
 
@@ -139,8 +129,7 @@ def test_an_mjcf_that_does_not_load_is_an_error(tmp_path: Path):
     inputs = write_robot_ports(tmp_path / "in", QUADRUPED)
     (inputs / "mjcf").mkdir()
     (inputs / "mjcf/scene.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
-    found = run_step(Trials(), inputs, tmp_path / "out")
-    assert rules(found) == {"trials.load"}
+    assert rules(run_step(Trials(), inputs, tmp_path / "out")) == {"trials.load"}
 
 
 @pytest.mark.parametrize(
@@ -205,7 +194,8 @@ def test_a_floating_robot_without_collision_is_not_ready(tmp_path: Path):
 def test_a_robot_that_falls_untouched_is_told_with_its_heights(tmp_path: Path, values: dict):
     (fall,) = [f for f in tried(drives(**values), tmp_path) if f.rule == "trials.fall"]
     assert fall.severity == "warning"
-    untouched = figures(tmp_path)["untouched"]
+    untouched = figures(tmp_path / "out")["untouched"]
+
     assert untouched["outcome"] == "falls"
     assert untouched["height_after_m"] < 0.5 * untouched["height_before_m"]
     assert f"base height {untouched['height_before_m']:.3g} m at the start" in fall.message
