@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,16 @@ import numpy as np
 import pytest
 from checks.engines import needs_physx
 from pxr import Usd, UsdPhysics
-from robot_files import check_inputs, checked, run_step, spoil_stage, write_robot_ports
-from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_drives, with_mimic
+from robot_files import checked, edit, laid_out, mjcf_inputs, ranked, rules, run_step, usd_inputs
+from tiny import (
+    TinyRobot,
+    four_bar,
+    pendulum,
+    tiny_quadruped,
+    with_control,
+    with_drives,
+    with_mimic,
+)
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.checks._newton import NewtonLoops
@@ -26,26 +33,19 @@ from assetbuild.robot.softness import CouplingError, LimitError, bare_inertia, s
 from assetbuild.simulators.experiments import Experiment, Motion, Outcome
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjx import Mjx
-from assetbuild.targets.usd import Usd as UsdTarget
 
 FREE = ("coupler_joint", "rocker_joint")
 NO_POSE = np.zeros((3, 3))
 OPEN = [("loop.opens", "error")]
 
 
-def rules(check: Loops | PhysxLoops, inputs: Path, out: Path) -> list[tuple]:
-    return [(finding.rule, finding.severity) for finding in run_step(check, inputs, out)]
-
-
 @pytest.mark.parametrize("is_lost", [False, True])
 def test_a_loop_that_the_mjcf_has_lost_opens(is_lost: bool, tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, four_bar(), Mjcf(robot="robot"), "mjcf")
-    path = inputs / "mjcf/robot.xml"
+    inputs = mjcf_inputs(tmp_path, four_bar())
     if is_lost:
-        text = path.read_text()
-        assert "<equality>" in text
-        path.write_text(text.replace("<equality>", "<!--").replace("</equality>", "-->"))
-    assert rules(Loops(robot="robot"), inputs, tmp_path / "out") == (OPEN if is_lost else [])
+        edit(inputs / "mjcf/robot.xml", ("<equality>", "<!--"), ("</equality>", "-->"))
+    found = run_step(Loops(robot="robot"), inputs, tmp_path / "out")
+    assert ranked(found) == (OPEN if is_lost else [])
 
 
 def without_loop(stage: Usd.Stage) -> None:
@@ -59,12 +59,10 @@ def without_loop(stage: Usd.Stage) -> None:
 def test_a_loop_that_the_usd_has_lost_opens_in_physx(is_lost: bool, tmp_path: Path) -> None:
     bar, start = four_bar(), {"crank_joint": 0.3, "coupler_joint": -1.4, "rocker_joint": -1.7}
     closed = close(bar.tree, bar.control.loops, start, FREE)
-    home = Keyframe("home", tuple(closed.positions.items()))
-    bar = replace(bar, control=replace(bar.control, keyframes=(home,)))
-    inputs = check_inputs(tmp_path, bar, UsdTarget(robot="robot"), "usd")
-    if is_lost:
-        spoil_stage(inputs / "usd/robot.usda", without_loop)
-    assert rules(PhysxLoops(robot="robot"), inputs, tmp_path / "out") == (OPEN if is_lost else [])
+    bar = with_control(bar, keyframes=(Keyframe("home", tuple(closed.positions.items())),))
+    inputs = usd_inputs(tmp_path, bar, without_loop if is_lost else None)
+    found = run_step(PhysxLoops(robot="robot"), inputs, tmp_path / "out")
+    assert ranked(found) == (OPEN if is_lost else [])
 
 
 def motion(robot: TinyRobot, asked: Experiment, kind: str) -> Motion:
@@ -96,10 +94,9 @@ def test_a_loop_that_newton_does_not_hold_is_an_error(
         return {"loops": Outcome(None, motion(robot, asked, kind))}
 
     monkeypatch.setattr(NewtonLoops, "perform", perform)
-    inputs = write_robot_ports(tmp_path / "in", robot)
     check = NewtonLoops(robot="bot", environment="newton")
-    findings, figures = checked(check, inputs, tmp_path / "out")
-    assert [(f.rule, f.severity) for f in findings] == ([] if kind == "closed" else OPEN)
+    findings, figures = checked(check, laid_out(tmp_path / "in", robot), tmp_path / "out")
+    assert ranked(findings) == ([] if kind == "closed" else OPEN)
     if kind == "closed":
         assert figures["largest_gap"] < 1e-6 and figures["swing"]["crank_joint"] > 0.0
 
@@ -127,8 +124,8 @@ def coupled() -> TinyRobot:
 def pushed(
     robot: TinyRobot, folder: Path, source: str | None = None
 ) -> tuple[list[Finding], dict[str, dict]]:
-    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
-    return checked(FullEffort(robot="robot", source=source), inputs, folder / "out")
+    check = FullEffort(robot="robot", source=source)
+    return checked(check, mjcf_inputs(folder, robot), folder / "out")
 
 
 def test_a_strong_joint_runs_past_mujocos_default_limits(tmp_path: Path) -> None:
@@ -148,10 +145,10 @@ def test_a_strong_joint_runs_past_mujocos_default_limits(tmp_path: Path) -> None
 def test_followers_part_from_a_strong_leader(tmp_path: Path) -> None:
     """36 N m against calves of 0.02 kg m2; MuJoCo's default parts them by 0.03 rad."""
     findings, figures = pushed(coupled(), tmp_path / "soft")
-    assert "couplings.soft" in {f.rule for f in findings}
+    assert "couplings.soft" in rules(findings)
     assert figures["mjcf"]["couplings"]["turn"]["joint"] == "FL_calf_joint"
     findings, figures = pushed(stiff(coupled()), tmp_path / "stiff")
-    assert "couplings.soft" not in {f.rule for f in findings}
+    assert "couplings.soft" not in rules(findings)
     assert figures["mjcf"]["couplings"]["turn"]["error"] < 1.1 * COUPLINGS.turn
 
 
@@ -161,23 +158,22 @@ def test_a_soft_loop_opens_where_a_drive_pushes_against_it(tmp_path: Path) -> No
     rows = (replace(rows[0], effort=500.0), *rows[1:])
 
     def found(folder: str, **softness: tuple[float, ...]) -> tuple[set[str], float]:
-        control = replace(robot.control, actuators=rows, loops=(replace(loop, **softness),))
-        findings, figures = pushed(replace(robot, control=control), tmp_path / folder)
+        softer = with_control(robot, actuators=rows, loops=(replace(loop, **softness),))
+        findings, figures = pushed(softer, tmp_path / folder)
         row = figures["mjcf"]["couplings"]["slide"]
         assert row["joint"] == "loop coupler_loop"
-        return {f.rule for f in findings}, row["error"]
+        return rules(findings), row["error"]
 
-    rules, soft = found("soft", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
-    assert "couplings.soft" in rules
-    rules, stiff = found("stiff")
-    assert "couplings.soft" not in rules
+    open_by, soft = found("soft", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
+    assert "couplings.soft" in open_by
+    open_by, hard = found("stiff")
+    assert "couplings.soft" not in open_by
     # r = (1 - d) t^2 F / I: 500 times less by d, 16 times by t.
-    assert soft / stiff > 1000.0
+    assert soft / hard > 1000.0
 
 
 def test_the_mjx_file_is_pushed_too(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, stiff(coupled()), Mjcf(robot="robot"), "mjcf")
-    run_step(Mjx(robot="robot"), inputs, tmp_path / "made")
-    shutil.copytree(tmp_path / "made/mjx", inputs / "mjx")
+    targets = (Mjcf(robot="robot"), "mjcf"), (Mjx(robot="robot"), "mjx")
+    inputs = laid_out(tmp_path / "in", stiff(coupled()), *targets)
     findings, figures = checked(FullEffort(robot="robot"), inputs, tmp_path / "out")
     assert findings == [] and figures.keys() == {"mjcf", "mjx"}
