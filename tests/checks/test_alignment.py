@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,16 @@ import numpy as np
 import pytest
 from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
-from robot_files import check_inputs, checked, models, run_step, spoil_stage, write_robot_ports
-from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
+from robot_files import checked, mjcf_inputs, models, run_step, spoil_stage, write_robot_ports
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    four_bar,
+    kept_feet,
+    pendulum,
+    tiny_quadruped,
+    with_control,
+)
 
 from assetbuild.alignment.check import SAMPLE_S, Compared, experiments_of, into_stop, stand_rows
 from assetbuild.alignment.row import Row, findings_of
@@ -35,7 +44,6 @@ from assetbuild.simulators.experiments import (
     swing,
 )
 from assetbuild.simulators.mujoco.motion import perform
-from assetbuild.targets.mjcf import Mjcf
 
 Spoil = Callable[[Usd.Stage], object]
 LOST = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
@@ -113,15 +121,11 @@ ROW = Row("kp", "HIGH", "joint a", 1.0, 1.0, 0.0, 0.1, 0.2, "of kp")
 
 
 def test_rows_are_judged_by_two_limits_and_a_reason_makes_an_error_a_warning() -> None:
-    for off, verdict, known in (
-        (0.0, "ok", "ok"),
-        (0.15, "warning", "warning"),
-        (0.3, "error", "warning"),
-        (math.nan, "error", "warning"),
-    ):
-        row = replace(ROW, off=off)
-        assert (row.verdict, replace(row, because="soft").verdict) == (verdict, known)
-    assert replace(ROW, because="soft").shown("PhysX")["because"] == "soft"
+    rows = [replace(ROW, off=off) for off in (0.0, 0.15, 0.3, math.nan)]
+    known = [replace(row, because="soft") for row in rows]
+    assert [row.verdict for row in rows] == ["ok", "warning", "error", "error"]
+    assert [row.verdict for row in known] == ["ok", "warning", "warning", "warning"]
+    assert known[0].shown("PhysX")["because"] == "soft"
 
 
 def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
@@ -134,8 +138,7 @@ def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
 
 def excluding(robot: TinyRobot, folder: Path, pairs: tuple[tuple[str, str], ...]) -> mujoco.Model:
     """The model of its MJCF with these pairs excluded instead of its own."""
-    robot = replace(robot, control=replace(robot.control, excludes=pairs))
-    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    inputs = mjcf_inputs(folder, with_control(robot, excludes=pairs))
     return mujoco.load(inputs / "mjcf/robot.xml").model
 
 
@@ -160,8 +163,7 @@ def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
     robot = kept_feet()
     tree = replace(robot.tree, base="fixed")
     keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
-    bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"),
-                     control=replace(robot.control, keyframes=keys))  # fmt: skip
+    bolted = with_control(replace(robot, tree=tree, links=tree), keyframes=keys)
     one, other = excluding(bolted, tmp_path / "a", here), excluding(bolted, tmp_path / "b", there)
     row = touching_row(one, other, tree)
     assert row.verdict == verdict
@@ -179,27 +181,28 @@ def motion(joint: str, angle: np.ndarray, sample_s: float = 0.01) -> Motion:
     return Motion(time, {joint: angle}, still, np.ones((len(time), 4)), still)
 
 
+UPPER = 2.0
+"""Of the pendulum, rad."""
+
+
 def past_upper(coarse: float, fine: float) -> Row:
     """The row of a pendulum that runs so much further past its limit than in MuJoCo, rad.
 
     fine: in shorter steps.
     """
     tree = pendulum().tree
-    (joint,) = tree.moving_joints
-    drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
+    drive = Actuator("swing_joint", "pd", kp=20.0, kd=0.2)
     asked = experiments_of(tree, Control((drive,), ()), Swing())
     sine = asked["past_upper"].sine
-    assert joint.limits.upper is not None
     positions, _ = sine.commands(1, 0.25)
-    assert positions[joint.name][0] > joint.limits.upper > sine.middle[joint.name]
+    assert positions["swing_joint"][0] > UPPER > sine.middle["swing_joint"]
 
     def moved(past: float) -> Outcome:
-        return Outcome(None, motion(joint.name, np.array([0.0, joint.limits.upper + past])))
+        return Outcome(None, motion("swing_joint", np.array([0.0, UPPER + past])))
 
     theirs = {"past_upper": moved(0.03 + coarse), "past_upper_fine": moved(0.03 + fine)}
     limits = Alignment(robot="robot")
-    both = Compared(limits, tree, Control(), lambda _: moved(0.03), asked, theirs)
-    (row,) = both.rows()
+    (row,) = Compared(limits, tree, Control(), lambda _: moved(0.03), asked, theirs).rows()
     return row
 
 
@@ -279,7 +282,7 @@ def test_newton_moves_the_quadruped_as_mujoco_does(tmp_path: Path):
 
 WRIST = Actuator("swing_joint", "pd", kp=20.0, kd=0.2, friction=1.0, effort=30.0)
 SINE = Sine({"swing_joint": 0.0}, {"swing_joint": 0.3}, 1.0, 3.0)
-WISH = Swing.model_validate({})
+
 STEP = 0.005
 
 
@@ -290,18 +293,11 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
     tree = replace(robot.tree, bodies=(robot.tree.bodies[0], wrist))
     weightless = Simulation(timestep=STEP, gravity=(0.0, 0.0, 0.0))
     control = Control((drive,), (), simulation=weightless)
-    robot = replace(robot, tree=tree, links=tree, control=control)
-    inputs = check_inputs(folder, robot, Mjcf(robot="r"), "mjcf")
+    inputs = mjcf_inputs(folder, replace(robot, tree=tree, links=tree, control=control))
     asked = swing("sine_as_is", Setting(STEP, weightless.gravity), SINE, SAMPLE_S)
-    both = Compared(
-        Alignment(robot="r", sine=WISH),
-        tree,
-        control,
-        lambda one: perform(inputs / "mjcf", "r", one),
-        {asked.name: asked},
-        {asked.name: Outcome(None, motion("swing_joint", angle, 1e-3))},
-    )
-    (row,) = both.rows()
+    theirs = {asked.name: Outcome(None, motion("swing_joint", angle, 1e-3))}
+    limits, ours = Alignment(robot="robot"), partial(perform, inputs / "mjcf", "robot")
+    (row,) = Compared(limits, tree, control, ours, {asked.name: asked}, theirs).rows()
     return row
 
 
