@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 from pxr import Usd
-from robot_files import configured, run_step, spoil_stage, write_robot_ports
-from tiny import TinyRobot, pendulum, sprung, tiny_quadruped
+from robot_files import about, configured, laid_out, run_step, spoil_stage
+from tiny import TinyRobot, pendulum, sprung, tiny_quadruped, with_control
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, evaluate, summed_up
 from assetbuild.engine.world import World
@@ -143,21 +143,15 @@ def every_drive() -> TinyRobot:
         stall = 2.0 * (row.effort or 1.0) if model == "dc_motor" else None
         return replace(row, model=model, kp=kp, kd=kd, stall=stall)
 
-    rows = tuple(driven(row) for row in robot.control.actuators)
-    return replace(robot, control=replace(robot.control, actuators=rows))
+    return with_control(robot, actuators=tuple(map(driven, robot.control.actuators)))
 
 
 def asked(folder: Path, spoil: Callable[[Usd.Stage], object]) -> set[tuple[str, str]]:
-    inputs = write_robot_ports(folder / "inputs", every_drive())
-    for target, name in (
-        (UsdTarget(robot="robot"), "usd"),
-        (IsaacLab(robot="robot"), "isaaclab"),
-    ):
-        run_step(target, inputs, folder / "built")
-        (folder / "built" / name).rename(inputs / name)
+    targets = (UsdTarget(robot="robot"), "usd"), (IsaacLab(robot="robot"), "isaaclab")
+    inputs = laid_out(folder / "inputs", every_drive(), *targets)
     spoil_stage(inputs / "usd/robot.usda", spoil)
     step = SmokeIsaacLab(robot="robot", environment="isaaclab")
-    return {(f.rule, f.subject) for f in run_step(step, inputs, folder / "out")}
+    return about(run_step(step, inputs, folder / "out"))
 
 
 @pytest.mark.slow
