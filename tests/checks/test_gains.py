@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import pytest
-from robot_files import check_inputs, checked, write_robot_ports
-from tiny import TinyRobot, pendulum
+from robot_files import checked, laid_out, mjcf_inputs, rules
+from tiny import TinyRobot, pendulum, with_control
 
 from assetbuild.checks.gains import Gains
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Keyframe, Simulation
-from assetbuild.targets.mjcf import Mjcf
 
 ROD = (0.02**2 + 0.5**2) / 12 + 0.25**2
 """kg m2 of the pendulum's arm about its hinge."""
@@ -23,22 +21,15 @@ ROD = (0.02**2 + 0.5**2) / 12 + 0.25**2
 
 def arm(timestep: float = 0.002, **fields: object) -> TinyRobot:
     """The pendulum at 0.5 rad with a position drive."""
-    robot = pendulum()
-    drive = Actuator("swing_joint", **({"model": "pd", "kp": 40.0, "kd": 2.0, "effort": 9.0} | fields))  # fmt: skip # noqa: E501
+    drive = replace(Actuator("swing_joint", "pd", kp=40.0, kd=2.0, effort=9.0), **fields)
     key = Keyframe("home", (("swing_joint", 0.5),))
     simulation = Simulation(timestep=timestep)
-    control = replace(robot.control, actuators=(drive,), keyframes=(key,), simulation=simulation)
-    return replace(robot, control=control)
+    return with_control(pendulum(), actuators=(drive,), keyframes=(key,), simulation=simulation)
 
 
 def evaluate(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
-    write_robot_ports(folder / "in", robot)
-    findings, figures = checked(Gains(**said), folder / "in", folder / "out")
+    findings, figures = checked(Gains(**said), laid_out(folder / "in", robot), folder / "out")
     return findings, figures["joints"]
-
-
-def rules(findings: Sequence[Finding]) -> set[str]:
-    return {finding.rule for finding in findings}
 
 
 def test_figures_of_an_arm_are_those_of_the_textbook(tmp_path: Path) -> None:
@@ -106,14 +97,11 @@ def test_the_margin_is_where_mujoco_diverges(
     drive = replace(soft.control.actuators[0], kp=1000.0 * grow, kd=3.0 * grow)
     if integrator == "implicitfast":  # the margin counts kp only where kd is implicit
         drive = replace(drive, kd=3.0)
-    control = replace(
-        soft.control,
-        actuators=(drive,),
-        keyframes=(),
-        simulation=Simulation(timestep=0.01, gravity=(0, 0, 0)),
-    )
-    inputs = check_inputs(tmp_path / "b", replace(soft, control=control), Mjcf(robot="r"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/r.xml"))
+    still = Simulation(timestep=0.01, gravity=(0, 0, 0))
+    grown = with_control(soft, actuators=(drive,), keyframes=(), simulation=still)
+    file = mjcf_inputs(tmp_path / "b", grown) / "mjcf/robot.xml"
+    model = mujoco.MjModel.from_xml_path(str(file))
+
     model.opt.integrator = {"Euler": 0, "implicitfast": 3}[integrator]
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
     data = mujoco.MjData(model)

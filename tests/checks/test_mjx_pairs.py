@@ -8,14 +8,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from robot_files import check_inputs, checked, run_step
-from tiny import TinyRobot, pendulum, tiny_quadruped
+from robot_files import check_inputs, checked, mjcf_inputs, rules, run_step
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_control
 
 from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Contact
 from assetbuild.robot.shapes import Box
-from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
@@ -32,8 +31,7 @@ def test_only_the_floor_is_touched_and_every_pair_is_fast(tmp_path: Path) -> Non
 
 
 def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    loose = replace(robot, control=replace(robot.control, excludes=()))
+    loose = with_control(tiny_quadruped(), excludes=())
     # Hips are cylinders on the trunk's box, but parent and child never touch: so no error yet.
     findings, figures = tried(loose, tmp_path / "a", self_collision=True)
     assert findings == []
@@ -42,7 +40,7 @@ def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) ->
     shapes = tuple(replace(s, geometry=box) if "calf" in s.name else s for s in loose.shapes.shapes)
     boxes = replace(loose, shapes=replace(loose.shapes, shapes=shapes))
     findings, _ = tried(boxes, tmp_path / "b", self_collision=True)
-    assert "mjx.pair" in {f.rule for f in findings}
+    assert "mjx.pair" in rules(findings)
 
 
 def test_a_margin_on_a_mesh_is_refused(tmp_path: Path) -> None:
@@ -51,25 +49,25 @@ def test_a_margin_on_a_mesh_is_refused(tmp_path: Path) -> None:
         replace(s, geometry=robot.shapes.shapes[0].geometry) if s.name == "trunk_collision" else s
         for s in robot.shapes.shapes
     )
-    control = replace(robot.control, contact=Contact(margin=0.001))
-    bad = replace(robot, shapes=replace(robot.shapes, shapes=shapes), control=control)
-    assert "mjx.margin" in {f.rule for f in tried(bad, tmp_path)[0]}
+    bad = replace(robot, shapes=replace(robot.shapes, shapes=shapes))
+    found, _ = tried(with_control(bad, contact=Contact(margin=0.001)), tmp_path)
+    assert "mjx.margin" in rules(found)
 
 
 def test_a_solver_that_mjx_lacks_is_refused(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, pendulum(), Mjcf(robot="robot"), "mjcf")
+    inputs = mjcf_inputs(tmp_path, pendulum())
     model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
     model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
     assert [f.rule for f in judge(model)] == ["mjx.option", "mjx.option"]
     (inputs / "mjx").mkdir()
     (inputs / "mjx/scene_mjx.xml").write_text("<mujoco>")
-    assert [f.rule for f in run_step(MjxPairs(), inputs, tmp_path / "out")] == ["mjx.load"]
+    assert rules(run_step(MjxPairs(), inputs, tmp_path / "out")) == {"mjx.load"}
 
 
 def test_the_pairs_are_those_that_mujoco_finds_in_a_heap(tmp_path: Path) -> None:
     """All geoms blown up to overlap: every contact is a pair of ours, and every pair touches."""
-    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    inputs = mjcf_inputs(tmp_path, tiny_quadruped())
     model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
     solid = (model.geom_contype != 0) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
     model.geom_size[solid] = 3.0
