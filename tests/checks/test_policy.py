@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -10,14 +9,13 @@ from typing import Any
 
 import pytest
 from policies import bundle_of, deployed, write_policy
-from robot_files import check_inputs, run_step
+from robot_files import figures, mjcf_inputs, run_step
 from tiny import tiny_quadruped
 
 from assetbuild.checks.policy import PolicyCheck
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.robot.actuator_table import RowError
-from assetbuild.targets.mjcf import Mjcf
 
 
 def checked(
@@ -27,7 +25,7 @@ def checked(
     bot = bundle_of(folder / "bot", bus=())
     said = deployed(bot)
     spoil(said)
-    inputs = check_inputs(folder, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    inputs = mjcf_inputs(folder, tiny_quadruped())
     own = write_policy(folder / "p", said)
     shutil.copytree(own, inputs / "own_policy")
     values = {"robot": "robot", "files": ("policy.onnx", "deploy.yaml"), "seconds": 1.0}
@@ -37,8 +35,8 @@ def checked(
 
 def test_a_policy_that_stands_passes(tmp_path: Path):
     assert [f for f in checked(tmp_path, lambda said: None) if f.severity != "info"] == []
-    figures = json.loads((tmp_path / "out/figures.json").read_text())
-    assert figures["verdict"] == "stands" and figures["seconds"] == 1.0
+    found = figures(tmp_path / "out")
+    assert found["verdict"] == "stands" and found["seconds"] == 1.0
 
 
 def test_one_that_falls_is_an_error(tmp_path: Path):

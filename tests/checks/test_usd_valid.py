@@ -10,21 +10,19 @@ from pathlib import Path
 import pxr
 import pytest
 from pxr import Sdf, Usd, UsdGeom
-from robot_files import check_inputs, run_step, spoil_stage
+from robot_files import ranked, run_step, usd_inputs
 from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
 from assetbuild.findings import Finding
 from assetbuild.robot.shapes import Shapes
-from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
 
 
 def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda _: None) -> list[Finding]:
     """What is said about the asset after `spoil` has edited the layer of its main file."""
-    inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
-    spoil_stage(inputs / "usd/robot.usda", spoil)
+    inputs = usd_inputs(folder, robot, spoil)
     return run_step(UsdValid(robot="robot"), inputs, folder / "out")
 
 
@@ -55,7 +53,7 @@ def test_absolute_reference_is_caught_even_where_it_still_resolves(tmp_path: Pat
 
 
 def test_a_missing_layer_and_a_main_file_that_is_no_usd_are_caught(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
+    inputs = usd_inputs(tmp_path, tiny_quadruped())
     (inputs / "usd/payloads/geometries.usdc").unlink()
     unresolved, *_ = run_step(UsdValid(robot="robot"), inputs, tmp_path / "out")
     assert (unresolved.rule, unresolved.severity) == ("usd.unresolved", "error")
@@ -109,5 +107,4 @@ def test_a_usd_core_without_validators_is_reported(
     """As before 25.2: the module cannot be imported."""
     monkeypatch.delattr(pxr, "UsdValidation", raising=False)
     monkeypatch.setitem(sys.modules, "pxr.UsdValidation", None)
-    found = check(pendulum(), tmp_path)
-    assert [(f.rule, f.severity) for f in found] == [("usd.validation_skipped", "info")]
+    assert ranked(check(pendulum(), tmp_path)) == [("usd.validation_skipped", "info")]
