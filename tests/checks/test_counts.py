@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from robot_files import checked, configured, run_step
+from robot_files import about, checked, configured, figures, run_step
+from urdfs import read
 
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
 from assetbuild.robot.shapes import Box, Material, Shape, Shapes, Sphere
-from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 BALL = '<geometry><sphere radius="1"/></geometry>'
 SOURCE = f"""<robot name="r">
@@ -37,12 +35,11 @@ WHOLE = Shapes(
 )
 
 
+AUTO = (".*", "auto", "auto")
+
+
 def check(
-    tmp_path: Path,
-    shapes: Shapes,
-    rules=((".*", "auto", "auto"),),
-    source: str = SOURCE,
-    **fields: object,
+    tmp_path: Path, shapes: Shapes, source: str = SOURCE, **fields: object
 ) -> tuple[list[Finding], dict[str, object]]:
     inputs = tmp_path / "in"
     inputs.mkdir(parents=True)
@@ -50,14 +47,12 @@ def check(
     (inputs / "shapes.json").write_bytes(encode(shapes))
     links = Tree("r", "fixed", (Body("trunk"), Body("foot"), Body("frame")), ())
     (inputs / "links.json").write_bytes(encode(links))
-    return checked(Counts(robot="r", rules=rules, **fields), inputs, tmp_path / "out")
+    step = Counts.model_validate({"robot": "r", "rules": (AUTO,)} | fields)
+    return checked(step, inputs, tmp_path / "out")
 
 
 def without(name: str) -> Shapes:
     return replace(WHOLE, shapes=tuple(s for s in WHOLE.shapes if s.name != name))
-
-
-AUTO = (".*", "auto", "auto")
 
 
 @pytest.mark.parametrize(
@@ -115,11 +110,7 @@ def held_against_its_source(
 ) -> list[Finding]:
     """What the check says of links that the build read, changed on the way."""
     inputs = folder / "in"
-    (inputs / "mjcf/assets").mkdir(parents=True)
-    (inputs / "robot.urdf").write_text(urdf)
-    run_step(ReadUrdf(file="urdf/r.urdf", packages={"robot_pkg": "."}), inputs, folder / "read")
-    shutil.copyfile(folder / "read/source.urdf", inputs / "source.urdf")
-    links = decode(Tree, (folder / "read/links.json").read_bytes())
+    links = read(urdf, inputs, packages={"robot_pkg": "."}, file="urdf/r.urdf").tree
     (inputs / "links.json").write_bytes(encode(change(links)))
     (inputs / "shapes.json").write_bytes(encode(Shapes()))
     rules = ((".*", "none", "auto"),)
@@ -139,7 +130,7 @@ def with_joint(name: str, change: Callable[[Joint], Joint]) -> Callable[[Tree], 
 def test_every_number_of_the_source_is_in_the_robot(file: str, tmp_path: Path):
     text = (ROBOTS / f"{file}.urdf").read_text() if file else HELD
     assert held_against_its_source(text, tmp_path) == []
-    assert json.loads((tmp_path / "out/figures.json").read_text())["facts"] >= 4
+    assert figures(tmp_path / "out")["facts"] >= 4
 
 
 @pytest.mark.parametrize(
@@ -161,7 +152,7 @@ def test_a_number_lost_after_the_source_is_an_error(
     """A joint that mimics a fixed one is where that puts it."""
     text = HELD if subject == "joint twice" else (ROBOTS / "every_kind.urdf").read_text()
     found = held_against_its_source(text, tmp_path, change)
-    assert (f"equal.source_urdf.{quantity}", subject) in {(f.rule, f.subject) for f in found}
+    assert (f"equal.source_urdf.{quantity}", subject) in about(found)
 
 
 @pytest.mark.parametrize("key", ["mjcf", "edits"])

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from robot_files import check_inputs, run_step
+from robot_files import mjcf_inputs, ranked, run_step
 from tiny import tiny_quadruped
 
 from assetbuild.checks._foreign import (
@@ -21,7 +21,6 @@ from assetbuild.checks._foreign import (
 )
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.targets.mjcf import Mjcf
 
 CODE = "com.nvidia.simready"
 METADATA = {
@@ -99,7 +98,7 @@ def run(
     tool: ForeignTool, program: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> list[Finding]:
     """What comes of a tool whose program is another."""
-    inputs = check_inputs(folder, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    inputs = mjcf_inputs(folder, tiny_quadruped())
     (inputs / "usd").mkdir()
     monkeypatch.setattr(ForeignTool, "interpreter", lambda _: Path(sys.executable))
     monkeypatch.setattr(Validator, "interpreter", ForeignTool.interpreter)
@@ -130,7 +129,7 @@ def test_a_program_without_a_report_is_a_finding(
     tool: ForeignTool, rule: str, severity: str, program: str, tmp_path: Path, monkeypatch
 ):
     (found,) = run(tool, program, tmp_path, monkeypatch)
-    assert (found.rule, found.severity) == (rule, severity)
+    assert ranked([found]) == [(rule, severity)]
     assert found.message.endswith("ouch")
 
 

@@ -28,15 +28,14 @@ def tried(
     folder: Path, wish: GripWish | None = None, **changed: str
 ) -> tuple[list[Finding], dict[str, Any]]:
     """What the check says of a pincher whose MJCF is changed."""
-    text = robot(PINCHER, ["left"], folder, COUPLED).read_text()
+    (folder / "mjcf").mkdir()
+    path = robot(PINCHER, ["left"], folder / "mjcf", COUPLED)
+    text = path.read_text()
     for old, new in {'size=".01 .005 .03"': f'size=".01 .005 .03" {PADS}', **changed}.items():
         assert old in text
         text = text.replace(old, new)
-    inputs = folder / "inputs"
-    (inputs / "mjcf").mkdir(parents=True)
-    (inputs / "mjcf/robot.xml").write_text(text)
-    check = Gripping(robot="robot", wish=wish or GripWish())
-    return checked(check, inputs, folder / "out")
+    path.write_text(text)
+    return checked(Gripping(robot="robot", wish=wish or GripWish()), folder, folder / "out")
 
 
 def test_a_pincher_holds_cube_cylinder_and_sphere(tmp_path: Path) -> None:
