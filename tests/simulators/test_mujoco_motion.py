@@ -11,8 +11,16 @@ import mujoco as engine
 import numpy as np
 import pytest
 from checks.engines import needs_physx
-from robot_files import check_inputs
-from tiny import TinyRobot, box_inertial, four_bar, pendulum, tiny_quadruped, with_drives
+from robot_files import mjcf_inputs, usd_inputs
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    four_bar,
+    pendulum,
+    tiny_quadruped,
+    with_control,
+    with_drives,
+)
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.edits.share_mass import ShareMass
@@ -36,17 +44,18 @@ from assetbuild.simulators.experiments import (
 from assetbuild.simulators.loops import LoopSwing, about_closed, trial
 from assetbuild.simulators.mujoco import motion
 from assetbuild.simulators.stages import perform_on_stages
-from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.usd import Usd
 
 
-def in_physx(main: Path, runs: list[Experiment], seconds: float = 240.0) -> dict[str, Outcome]:
+def in_physx(
+    robot: TinyRobot, folder: Path, runs: list[Experiment], seconds: float = 240.0
+) -> dict[str, Outcome]:
+    main = usd_inputs(folder, robot) / "usd/robot.usda"
     return perform_on_stages(physx.PhysxCheck.start, main, runs, seconds)
 
 
 def written(robot: TinyRobot, folder: Path) -> Path:
     """Its MJCF."""
-    return check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf") / "mjcf/robot.xml"
+    return mjcf_inputs(folder, robot) / "mjcf/robot.xml"
 
 
 def swung(path: Path, sine: Sine, step: float) -> Motion:
@@ -60,13 +69,12 @@ def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     home = dict(robot.control.keyframes[0].joints)
     sine = sine_of(robot.tree, robot.control, home, 2.0, 0.5)
+    tree = replace(robot.tree, base="fixed")
+    keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
+    on_the_ground = with_control(replace(robot, tree=tree, links=tree), keyframes=keys)
     tracks = []
-    for base in ("floating", "fixed"):
-        tree = replace(robot.tree, base=base)
-        keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
-        control = robot.control if base == "floating" else replace(robot.control, keyframes=keys)
-        bot = replace(robot, tree=tree, links=replace(robot.links, base=base), control=control)
-        path = written(bot, tmp_path / base)
+    for one in (robot, on_the_ground):
+        path = written(one, tmp_path / one.tree.base)
         assert motion.held_model(path).nv == len(robot.tree.moving_joints)
         tracks.append(swung(path, sine, 0.002))
     held, bolted = tracks
@@ -80,8 +88,8 @@ def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     fat = Shape("fat", "FR_hip", "collision", Box((1.0, 1.0, 1.0)))
     shapes = replace(robot.shapes, shapes=(*robot.shapes.shapes, fat))
-    bot = replace(robot, shapes=shapes)
-    path = written(bot, tmp_path)
+    path = written(replace(robot, shapes=shapes), tmp_path)
+
     touching = []
     for model in (mujoco.load(path).model, motion.held_model(path)):
         data = engine.MjData(model)
@@ -154,20 +162,16 @@ def test_a_loop_that_leaves_no_motion_is_tried_under_gravity_alone(
 GRAVITY = (0.0, 0.0, -9.81)
 
 
-def built(robot: TinyRobot, folder: Path) -> Path:
-    return check_inputs(folder, robot, Usd(robot="robot"), "usd") / "usd/robot.usda"
-
-
 def car() -> TinyRobot:
-    """A planar base on drives, split into two slides and a hinge whose links share its mass."""
+    """A planar base that takes speeds, split into two slides and a hinge that share its mass."""
     body = box_inertial(10.0, (0.6, 0.4, 0.2), (0.1, 0.05, 0.2))
     planar = Joint("base", "planar", "floor", "car", axis=(0.0, 0.0, 1.0))
     tree = Tree("car", "fixed", (Body("floor"), Body("car", body)), (planar,))
     for edit in (SplitJoint(joint="base"), ShareMass(link="base_._link")):
         tree = edit.edit(tree, SourceShapes(), Files(Path(), Path())).tree
     drives = tuple(
-        Actuator(joint.name, "pd", kp=kp, kd=kp / 10.0)
-        for joint, kp in zip(tree.joints, (2000.0, 2000.0, 200.0), strict=True)
+        Actuator(joint.name, "velocity", kd=kd)
+        for joint, kd in zip(tree.joints, (2000.0, 2000.0, 200.0), strict=True)
     )
     home = Keyframe("home", tuple((joint.name, 0.0) for joint in tree.joints))
     return TinyRobot(tree, tree, Shapes(), Control(drives, (home,)))
@@ -176,15 +180,10 @@ def car() -> TinyRobot:
 @needs_physx
 def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: Path) -> None:
     robot = car()
-    drives = tuple(
-        replace(a, model="velocity", kp=0.0, kd=kd)
-        for a, kd in zip(robot.control.actuators, (2000.0, 2000.0, 200.0), strict=True)
-    )
-    robot = replace(robot, control=replace(robot.control, actuators=drives))
     sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.5)
     setting = Setting(0.001, GRAVITY)
     run = Experiment("m", setting, steps=1500, every=5, start=sine.middle, sine=sine)
-    theirs = in_physx(built(robot, tmp_path / "usd"), [run])["m"].motion
+    theirs = in_physx(robot, tmp_path / "usd", [run])["m"].motion
     assert theirs is not None
     ours = motion.perform(written(robot, tmp_path / "mjcf").parent, "robot", run).motion
     assert ours is not None
@@ -198,11 +197,8 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
 def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
     setting = Setting(0.005, GRAVITY)
     knees = {f"{leg}_calf_joint": 0.5 for leg in ("FR", "FL", "RR", "RL")}  # limit: -0.9
-    runs = [
-        Experiment("bad", setting, steps=40, start=knees),
-        Experiment("good", setting, steps=4),
-    ]
-    done = in_physx(built(tiny_quadruped(), tmp_path), runs)
+    bad, good = Experiment("bad", setting, 40, start=knees), Experiment("good", setting, 4)
+    done = in_physx(tiny_quadruped(), tmp_path, [bad, good])
     assert not done["bad"].finite
     assert done["bad"].failure
     assert done["good"].finite
@@ -211,7 +207,7 @@ def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
 @needs_physx
 def test_a_run_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
     run = Experiment("long", Setting(0.001, GRAVITY), steps=10_000_000)
-    done = in_physx(built(pendulum(), tmp_path), [run], seconds=5.0)["long"]
+    done = in_physx(pendulum(), tmp_path, [run], seconds=5.0)["long"]
     assert "5 s" in done.failure
     assert not done.finite
 
