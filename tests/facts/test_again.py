@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from robot_files import edit
 
 from assetbuild.facts.again.files import rows_of
 from assetbuild.facts.again.tree import NotParsedError, Row, row_findings
@@ -64,15 +65,12 @@ def Xform "arm" (
 
 def compared(folder: Path, name: str, text: str, *edits: tuple[str, str]) -> list[Row]:
     """The rows of a file in which some words were replaced."""
-    after = text
-    for old, new in edits:
-        assert old in after
-        after = after.replace(old, new)
-    paths = [folder / "again" / name, folder / "there" / name]
-    for path, content in zip(paths, (text, after), strict=True):
-        path.parent.mkdir()
-        path.write_text(content)
-    return rows_of(paths[0], paths[1], (paths[0],))
+    again, there = folder / "again" / name, folder / "there" / name
+    for path in (again, there):
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+    edit(there, *edits)
+    return rows_of(again, there, (again,))
 
 
 @pytest.mark.parametrize(
@@ -169,12 +167,9 @@ def moved(kp: int) -> tuple[tuple[str, str], ...]:
     )
 
 
-def test_a_default_moved_into_its_elements_is_the_same(tmp_path: Path):
-    assert compared(tmp_path, "a.xml", MJCF, *moved(80)) == []
-
-
-def test_a_moved_default_leaves_only_what_the_model_says(tmp_path: Path):
+def test_a_default_moved_into_its_elements_leaves_only_what_the_model_says(tmp_path: Path):
     """Five texts differ, and of one actuator the gain and the bias."""
+    assert compared(tmp_path / "same", "a.xml", MJCF, *moved(80)) == []
     rows = compared(tmp_path, "a.xml", MJCF, *moved(88))
     assert {(row.subject, row.attribute, row.found) for row in rows} == {
         ("actuator turn", "biasprm[1]", -88.0), ("actuator turn", "gainprm[0]", 88.0),
@@ -243,10 +238,7 @@ def test_a_picture_is_its_pixels(tmp_path: Path):
 
 def test_a_yaml_file_whose_aliases_make_it_endless_is_not_parsed(tmp_path: Path) -> None:
     lines = [f"a{i}: &a{i} {{p: *a{i - 1}, q: *a{i - 1}}}" for i in range(1, 26)]
-    files = [tmp_path / name / "dr.yaml" for name in ("again", "there")]
-    for file, text in zip(files, ("a: 1", "\n".join(["a0: &a0 {x: 1}", *lines])), strict=True):
-        file.parent.mkdir()
-        file.write_text(text)
+    endless = "\n".join(["a0: &a0 {x: 1}", *lines])
     with pytest.raises(NotParsedError, match="alias") as refused:
-        rows_of(*files)
+        compared(tmp_path, "dr.yaml", "a: 1", ("a: 1", endless))
     assert refused.value.line == 2

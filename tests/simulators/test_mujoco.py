@@ -8,7 +8,7 @@ import mujoco as engine
 import numpy as np
 import pytest
 from hands import COUPLED, JAW, PINCHER, robot
-from robot_files import check_inputs
+from robot_files import edit, mjcf_inputs
 from tiny import box_obj, tiny_quadruped
 
 from assetbuild.errors import StepError
@@ -16,14 +16,12 @@ from assetbuild.simulators import mujoco, speed
 from assetbuild.simulators.mujoco import Model, name_of
 from assetbuild.simulators.mujoco.grip import with_object
 from assetbuild.simulators.mujoco.hands import Hand, between_keys, find_hands
-from assetbuild.targets.mjcf import Mjcf
 
 BALL = """<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>"""
 
 
 def test_mass_matrix_is_that_of_the_kinetic_energy(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
-    model = mujoco.load(inputs / "mjcf/robot.xml").model
+    model = mujoco.load(mjcf_inputs(tmp_path, tiny_quadruped()) / "mjcf/robot.xml").model
     model.opt.enableflags |= engine.mjtEnableBit.mjENBL_ENERGY
     data = engine.MjData(model)
     data.qvel[:] = np.linspace(-1, 1, model.nv)
@@ -88,8 +86,8 @@ def test_without_visuals_the_physics_stay(tmp_path: Path, inertial: str) -> None
     assert bare.body_mass[1] == pytest.approx(whole.body_mass[1], rel=1e-12)
     assert bare.body_ipos[1] == pytest.approx(whole.body_ipos[1], abs=1e-12)
     assert mujoco.inertia_of(bare, 1) == pytest.approx(mujoco.inertia_of(whole, 1), rel=1e-12)
+    (tmp_path / "box.obj").unlink()
     if inertial:
-        (tmp_path / "box.obj").unlink()
         assert mujoco.load(path, visuals=False).model.nmesh == 0, "their meshes are not read"
 
 
@@ -159,8 +157,8 @@ def test_a_loop_takes_no_joint_of_the_arm_into_the_hand(tmp_path: Path) -> None:
         '<connect body1="rod" body2="right" anchor="0 0 0"/></equality>'
     )
     path = robot(PINCHER + rod, ["left", "wrist"], tmp_path, holds)
-    text = path.read_text().replace('<body name="palm"', f'{wrist}<body name="palm"')
-    path.write_text(text.replace("</body></body></worldbody>", "</body></body></body></worldbody>"))
+    palm, end = '<body name="palm"', "</worldbody>"
+    edit(path, (palm, wrist + palm), (end, f"</body>{end}"))
     model, (hand,) = found(path)
     fingers = {name_of(model, "joint", joint) for joint in hand.fingers}
     assert fingers == {"left", "right", "rod"}
@@ -180,17 +178,14 @@ def test_a_flange_or_an_elbow_is_no_hand(inside: str, joint: str, tmp_path: Path
     assert found(robot(inside, [joint], tmp_path))[1] == []
 
 
-def test_two_fingers_with_a_drive_each_are_a_hand(tmp_path: Path) -> None:
-    _, (hand,) = found(robot(PINCHER, ["left", "right"], tmp_path))
-    assert [drive.joint_name for drive in hand.drives] == ["left", "right"]
-    np.testing.assert_allclose(hand.targets[[0, -1]], [[0.04, 0.04], [0.0, 0.0]])
-
-
-def test_keyframes_say_how_a_hand_of_many_drives_closes(tmp_path: Path) -> None:
+def test_two_fingers_with_a_drive_each_are_a_hand_that_keyframes_may_close(tmp_path: Path) -> None:
     keys = '<keyframe><key name="open" qpos=".04 .03"/><key name="shut" qpos="0 .01"/></keyframe>'
-    model = with_object(robot(PINCHER, ["left", "right"], tmp_path, keys))
-    hand = between_keys(model, "open", "shut")
-    assert [drive.joint_name for drive in hand.drives] == ["left", "right"]
-    np.testing.assert_allclose(hand.targets[[0, -1]], [[0.04, 0.03], [0.0, 0.01]])
+    model, (hand,) = found(robot(PINCHER, ["left", "right"], tmp_path, keys))
+    keyed = between_keys(model, "open", "shut")
+    for one in (hand, keyed):
+        assert [drive.joint_name for drive in one.drives] == ["left", "right"]
+    np.testing.assert_allclose(hand.targets[[0, -1]], [[0.04, 0.04], [0.0, 0.0]])
+    np.testing.assert_allclose(keyed.targets[[0, -1]], [[0.04, 0.03], [0.0, 0.01]])
+
     with pytest.raises(StepError, match="no keyframe `fist`"):
         between_keys(model, "open", "fist")
