@@ -12,20 +12,16 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tests.mutations.bundle import FORMATS, files_of, form_of
 from tests.mutations.run import Result, sample, try_all
 
-COLUMNS = (
-    "mutations", "refused", "no change of meaning", "tried",
-    "validate", "vague", "diff", "vague",
-)  # fmt: skip
-
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Prints the table; the exit code is 1 only where `--rewrite` found something."""
+    """Prints what was found; the exit code is 1 only where `--rewrite` found something."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bundle", type=Path, nargs="+")
     parser.add_argument("--seed", type=int, default=0)
@@ -43,30 +39,22 @@ def main(words: Sequence[str] | None = None) -> int:
         forms = [form for form in chosen.format or FORMATS if form in there]
         drawn = sample(bundle, forms, chosen.seed, chosen.count)
         results = list(try_all(bundle, drawn))
-        print(f"\n# {bundle.name}\n\n{table(results)}")
-        print(f"\n{(time.monotonic() - began):.0f} s so far")
-        print(*missed(results), sep="\n", flush=True)
+        print(f"\n# {bundle.name}, {(time.monotonic() - began):.0f} s so far\n")
+        print(*rows(results), *missed(results), sep="\n", flush=True)
     return 1 if alarms else 0
 
 
-def table(results: Sequence[Result]) -> str:
-    """A row of figures for each format."""
-    rows = [f"| format | {' | '.join(COLUMNS)} |", f"|---|{'---|' * len(COLUMNS)}"]
+def rows(results: Sequence[Result]) -> Iterator[str]:
+    """A line for each format: what became of its changes, and what each judge said of those."""
     for form in FORMATS:
         own = [one for one in results if form_of(one.mutation.file) == form]
         tried = [one.verdict for one in own if one.verdict]
-        counts = [len(own), *(sum(one.fate == fate for one in own) for fate in ("refused", "same"))]
-        judges = [verdict for judge in ("validate", "diff") for verdict in (
-            share(sum(getattr(one, judge) == word for one in tried), len(tried))
-            for word in ("found", "vague"))]  # fmt: skip
+        judges = [
+            f"{judge} {dict(Counter(getattr(verdict, judge) for verdict in tried))}"
+            for judge in ("validate", "diff")
+        ]
         if own:
-            rows.append(f"| {form} | {' | '.join([*map(str, [*counts, len(tried)]), *judges])} |")
-    return "\n".join(rows)
-
-
-def share(part: int, whole: int) -> str:
-    """`97.5 %`."""
-    return f"{100 * part / whole:.1f} %" if whole else ""
+            yield f"{form}: {dict(Counter(one.fate for one in own))}; {'; '.join(judges)}"
 
 
 def missed(results: Sequence[Result]) -> Iterator[str]:
