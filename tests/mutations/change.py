@@ -51,25 +51,20 @@ WORDS = (
 class Mutation:
     """One change of one place of one file.
 
-    file: relative to the bundle. where: the element, prim, or path of keys, for people.
-    attribute: the place's name without the names of the robot, to group by. what: the kind of
-    change. before, after: the value as it stands there. key: how the walker finds the place again
-    and what it does there, plain data.
+    file: relative to the bundle. where: for people. what: the kind of change. before, after: the
+    value as it stands there. key: how the walker finds the place again and what it does there.
     """
 
     file: str
     where: str
-    attribute: str
     what: str
     before: str
     after: str
     key: tuple[object, ...]
 
     def __str__(self) -> str:
-        return (
-            f"{self.file}: {self.where}: {self.attribute}, {self.what}: "
-            f"{self.before[:60]} -> {self.after[:60]}"
-        )
+        change = f"{self.before[:60]} -> {self.after[:60]}"
+        return f"{self.file}: {self.where}, {self.what}: {change}"
 
 
 def number_changes(value: float) -> dict[str, float]:

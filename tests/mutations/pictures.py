@@ -27,7 +27,7 @@ def walk(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
                 ("inverted", 255 - first),
             ):
                 where, key = f"pixel {x}, {y}", (x, y, new)
-                yield Mutation(file, where, "pixel", what, str(first), str(new), key)
+                yield Mutation(file, where, what, str(first), str(new), key)
 
 
 def apply(path: Path, key: tuple[object, ...]) -> None:

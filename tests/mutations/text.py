@@ -102,17 +102,17 @@ def walk(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
             if found := [v[1] for v in re.finditer(r'"([^"]*)"', run[0])]:
                 texts.setdefault(_label(row, run.start()), []).extend(found)
     for number, row in enumerate(rows):
-        where = f"line {line_of[row.start()]}"
+        line = f"line {line_of[row.start()]}"
         runs = list(RUN.finditer(text, row.start(), row.end()))
         for run in random_.sample(runs, min(DRAWN, len(runs))) if len(runs) > 20 else runs:
             label = _label(row, run.start())
             for what, splices in _of_run(run, texts.get(label, []), random_):
-                yield _mutation(text, file, where, label, what, splices)
+                yield _mutation(text, file, f"{line}: {label}", what, splices)
         for item in ITEM.finditer(text, row.start(), row.end()):
-            splices = [(item.start(), item.end(), "")]
-            yield _mutation(text, file, where, _label(row, item.end()), "item deleted", splices)
+            splices, where = [(item.start(), item.end(), "")], f"{line}: {_label(row, item.end())}"
+            yield _mutation(text, file, where, "item deleted", splices)
         for what, splices in _of_block(rows, number, file):
-            yield _mutation(text, file, where, _label(row, row.end()), what, splices)
+            yield _mutation(text, file, f"{line}: {_label(row, row.end())}", what, splices)
 
 
 def _drawn(rows: list[re.Match[str]], random_: random.Random) -> list[re.Match[str]]:
@@ -129,12 +129,10 @@ def _label(row: re.Match[str], at: int) -> str:
     return str(names[-1] if names else words[0] if words else "")
 
 
-def _mutation(
-    text: str, file: str, where: str, label: str, what: str, splices: list[Splice]
-) -> Mutation:
+def _mutation(text: str, file: str, where: str, what: str, splices: list[Splice]) -> Mutation:
     start, end, _ = splices[0]
     after = " ".join(new for _, _, new in splices)
-    return Mutation(file, where, label, what, text[start:end].strip(), after, tuple(splices))
+    return Mutation(file, where, what, text[start:end].strip(), after, tuple(splices))
 
 
 def _of_run(
