@@ -45,7 +45,6 @@ from assetbuild.robot.shapes import (
     SourceShapes,
     Sphere,
 )
-from assetbuild.robot.tree import depth_first, merge_fixed_joints
 
 SEGMENT_M = 0.2
 FOOT_RADIUS_M = 0.02
@@ -173,14 +172,11 @@ def tiny_quadruped() -> TinyRobot:
     )
 
 
-def kept_feet() -> TinyRobot:
-    """The quadruped with feet that stay bodies of their own, each welded to its shin."""
-    robot = tiny_quadruped()
-    feet = [f"{leg}_foot" for leg, _, _ in LEGS]
-    merged, _ = merge_fixed_joints(robot.links, True, feet)
-    names, joints = depth_first(merged.root, merged.joints)
-    bodies = tuple(merged.by_body[name] for name in names)
-    return replace(robot, tree=replace(merged, bodies=bodies, joints=joints))
+def bolted(robot: TinyRobot) -> TinyRobot:
+    """The same robot on a fixed base."""
+    tree, links = (replace(one, base="fixed") for one in (robot.tree, robot.links))
+    keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
+    return with_control(replace(robot, tree=tree, links=links), keyframes=keys)
 
 
 def _leg_joints(leg: str, front: float, left: float) -> list[Joint]:

@@ -14,15 +14,7 @@ import pytest
 from checks.engines import needs_newton, needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import checked, mjcf_inputs, models, run_step, spoil_stage, write_robot_ports
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    four_bar,
-    kept_feet,
-    pendulum,
-    tiny_quadruped,
-    with_control,
-)
+from tiny import TinyRobot, bolted, box_inertial, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.alignment.check import SAMPLE_S, Compared, experiments_of, into_stop, stand_rows
 from assetbuild.alignment.row import Row, findings_of
@@ -138,7 +130,8 @@ def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
 
 def excluding(robot: TinyRobot, folder: Path, pairs: tuple[tuple[str, str], ...]) -> mujoco.Model:
     """The model of its MJCF with these pairs excluded instead of its own."""
-    inputs = mjcf_inputs(folder, with_control(robot, excludes=pairs))
+    robot = replace(robot, control=replace(robot.control, excludes=pairs))
+    inputs = mjcf_inputs(folder, robot)
     return mujoco.load(inputs / "mjcf/robot.xml").model
 
 
@@ -160,12 +153,9 @@ def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
     alone: str,
 ) -> None:
     """MuJoCo has contacts of a joint where a body's parent is bolted to the world."""
-    robot = kept_feet()
-    tree = replace(robot.tree, base="fixed")
-    keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
-    bolted = with_control(replace(robot, tree=tree, links=tree), keyframes=keys)
-    one, other = excluding(bolted, tmp_path / "a", here), excluding(bolted, tmp_path / "b", there)
-    row = touching_row(one, other, tree)
+    robot = bolted(replace(tiny_quadruped(), tree=tiny_quadruped().links))
+    one, other = excluding(robot, tmp_path / "a", here), excluding(robot, tmp_path / "b", there)
+    row = touching_row(one, other, robot.tree)
     assert row.verdict == verdict
     assert alone == "".join(
         side for side in ("mujoco", "theirs") if "alone" in str(getattr(row, side))

@@ -11,15 +11,7 @@ import pytest
 from checks.engines import needs_physx
 from pxr import Usd, UsdPhysics
 from robot_files import checked, edit, laid_out, mjcf_inputs, ranked, rules, run_step, usd_inputs
-from tiny import (
-    TinyRobot,
-    four_bar,
-    pendulum,
-    tiny_quadruped,
-    with_control,
-    with_drives,
-    with_mimic,
-)
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_drives, with_mimic
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.checks._newton import NewtonLoops
@@ -59,7 +51,8 @@ def without_loop(stage: Usd.Stage) -> None:
 def test_a_loop_that_the_usd_has_lost_opens_in_physx(is_lost: bool, tmp_path: Path) -> None:
     bar, start = four_bar(), {"crank_joint": 0.3, "coupler_joint": -1.4, "rocker_joint": -1.7}
     closed = close(bar.tree, bar.control.loops, start, FREE)
-    bar = with_control(bar, keyframes=(Keyframe("home", tuple(closed.positions.items())),))
+    home = Keyframe("home", tuple(closed.positions.items()))
+    bar = replace(bar, control=replace(bar.control, keyframes=(home,)))
     inputs = usd_inputs(tmp_path, bar, without_loop if is_lost else None)
     found = run_step(PhysxLoops(robot="robot"), inputs, tmp_path / "out")
     assert ranked(found) == (OPEN if is_lost else [])
@@ -158,8 +151,8 @@ def test_a_soft_loop_opens_where_a_drive_pushes_against_it(tmp_path: Path) -> No
     rows = (replace(rows[0], effort=500.0), *rows[1:])
 
     def found(folder: str, **softness: tuple[float, ...]) -> tuple[set[str], float]:
-        softer = with_control(robot, actuators=rows, loops=(replace(loop, **softness),))
-        findings, figures = pushed(softer, tmp_path / folder)
+        control = replace(robot.control, actuators=rows, loops=(replace(loop, **softness),))
+        findings, figures = pushed(replace(robot, control=control), tmp_path / folder)
         row = figures["mjcf"]["couplings"]["slide"]
         assert row["joint"] == "loop coupler_loop"
         return rules(findings), row["error"]

@@ -5,16 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_files import (
-    check_inputs,
-    checked,
-    edit,
-    figures,
-    ranked,
-    rules,
-    run_step,
-    write_robot_ports,
-)
+from robot_files import check_inputs, checked, edit, figures, laid_out, ranked, rules, run_step
 from tiny import TinyRobot, pendulum, tiny_quadruped
 from urdfs import inertial, joint, link, read, robot, tensor
 
@@ -70,7 +61,7 @@ def by_target(folder: Path) -> list[Finding]:
     drives = tuple(
         Actuator(j.name, "pd", 50.0, 2.0, 0.1, 0.2, 0.01, 10.0, 10.0) for j in tree.moving_joints
     )
-    write_robot_ports(folder, TinyRobot(links, tree, Shapes(), Control(drives)))
+    laid_out(folder, TinyRobot(links, tree, Shapes(), Control(drives)))
     run_step(Mjcf(robot="bot"), folder, folder)
     return run_step(Oracle(robot="bot"), folder, folder)
 

@@ -11,15 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdPhysics
 from robot_files import about, figures, run_step, usd_inputs, write_robot_ports
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    pendulum,
-    sprung,
-    tiny_quadruped,
-    with_kinds,
-    with_mimic,
-)
+from tiny import TinyRobot, box_inertial, pendulum, sprung, tiny_quadruped, with_kinds, with_mimic
 
 from assetbuild.checks._physx import PhysxReadback, _judge_motion
 from assetbuild.checks.urdf_kinematics import UrdfKinematics

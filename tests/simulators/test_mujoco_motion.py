@@ -12,15 +12,7 @@ import numpy as np
 import pytest
 from checks.engines import needs_physx
 from robot_files import mjcf_inputs, usd_inputs
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    four_bar,
-    pendulum,
-    tiny_quadruped,
-    with_control,
-    with_drives,
-)
+from tiny import TinyRobot, bolted, box_inertial, four_bar, pendulum, tiny_quadruped, with_drives
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.edits.share_mass import ShareMass
@@ -69,18 +61,15 @@ def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     home = dict(robot.control.keyframes[0].joints)
     sine = sine_of(robot.tree, robot.control, home, 2.0, 0.5)
-    tree = replace(robot.tree, base="fixed")
-    keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
-    on_the_ground = with_control(replace(robot, tree=tree, links=tree), keyframes=keys)
     tracks = []
-    for one in (robot, on_the_ground):
+    for one in (robot, bolted(robot)):
         path = written(one, tmp_path / one.tree.base)
         assert motion.held_model(path).nv == len(robot.tree.moving_joints)
         tracks.append(swung(path, sine, 0.002))
-    held, bolted = tracks
+    held, fixed = tracks
     assert np.abs(held.root).max() == 0.0
     for joint, angles in held.joints.items():
-        np.testing.assert_allclose(angles, bolted.joints[joint], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(angles, fixed.joints[joint], rtol=0.0, atol=1e-12)
 
 
 def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
