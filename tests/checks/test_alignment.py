@@ -267,9 +267,6 @@ def test_newton_moves_the_quadruped_as_mujoco_does(tmp_path: Path):
     assert max(row["off"] for row in rows if row["row"] in ("sine", "past_upper")) < 1e-4
 
 
-# --- how joints answer ---------------------------------------------------------------------------
-
-
 WRIST = Actuator("swing_joint", "pd", kp=20.0, kd=0.2, friction=1.0, effort=30.0)
 SINE = Sine({"swing_joint": 0.0}, {"swing_joint": 0.3}, 1.0, 3.0)
 

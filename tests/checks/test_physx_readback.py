@@ -16,17 +16,7 @@ from tiny import TinyRobot, box_inertial, pendulum, sprung, tiny_quadruped, with
 from assetbuild.checks._physx import PhysxReadback, _judge_motion
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.findings import Finding
-from assetbuild.robot.model import (
-    Actuator,
-    Base,
-    Body,
-    Control,
-    Joint,
-    JointKind,
-    Limits,
-    Mimic,
-    Tree,
-)
+from assetbuild.robot.model import Actuator, Body, Control, Joint, JointKind, Limits, Mimic, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import held_by_world
@@ -70,7 +60,7 @@ def test_quadruped_is_what_it_was(tmp_path: Path) -> None:
     ("base", "moved_m", "drifts"),
     [("fixed", 1e-6, [1e-6]), ("fixed", 0.0, []), ("floating", 1, [])],
 )
-def test_a_fixed_base_that_moves_is_an_error(base: Base, moved_m: float, drifts: list[float]):
+def test_a_fixed_base_that_moves_is_an_error(base: str, moved_m: float, drifts: list[float]):
     root = np.array([[0.0, 0.0, 1.0], [0.0, moved_m, 1.0]])
     motion = Motion(np.array([0.0, 1.0]), {}, root, np.ones((2, 4)), root)
     tree = replace(pendulum().tree, base=base)

@@ -212,9 +212,6 @@ def test_what_newton_refuses_or_adds_names_the_key_that_helps(reading: dict[str,
     assert found.rule == "smoke.finite"
 
 
-# --- the real one -----------------------------------------------------------------------------
-
-
 def times(path: str, factor: float) -> Spoil:
     def spoil(stage: Usd.Stage) -> None:
         attribute = stage.GetAttributeAtPath(path)

@@ -52,9 +52,6 @@ def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> N
     assert (drive.GetDampingAttr().Get(), drive.GetMaxForceAttr().Get()) == (0.0, math.inf)
 
 
-# --- nothing changed
-
-
 @pytest.mark.parametrize("end", [1e6, 5e6])
 def test_a_range_that_means_none_is_the_stated_one(end: float, tmp_path: Path) -> None:
     """Wheels of public URDFs are hinges of +-1e6 rad."""
@@ -207,9 +204,6 @@ def test_a_changed_attribute_is_named_with_both_values(
     assert rule == "missing" or all({"expected", "found"} <= set(f.data) for f in ours)
 
 
-# --- one thing, many attributes
-
-
 def test_what_libraries_and_tools_read_is_found(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         robot = stage.GetDefaultPrim()
@@ -261,9 +255,6 @@ def test_lost_filters_are_found(tmp_path: Path) -> None:
     found = {f.subject: f for f in check(gripper(), tmp_path, lose)}
     assert found["pair a b"].data["subjects"] == ("pair a b", "pair a slide", "pair b slide")
     assert found["shape pair a_pad base_hull"].rule == "equal.usd.filtered"
-
-
-# --- several things together
 
 
 def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
