@@ -60,7 +60,7 @@ ELSEWHERE = {
     "validate.smoke": "tests/checks: a trainer must be installed",
     "validate.smoke_bounds": "likewise",
     "variants": "tests/recipe: keys of the recipe again",
-    "xrdf": "tests/targets/test_xrdf.py, tests/facts/test_xrdf.py: its spheres take long",
+    "xrdf": "tests/targets/test_xrdf.py, tests/facts/test_planted.py: its spheres take long",
 }
 IN_THE_CARD = ("source", "friction_source", "measured", "guessed")
 """Where a number comes from: `model_card.md` states it, which tests/report checks."""

@@ -13,8 +13,8 @@ from gripper import gripper, picture
 from hypothesis import given, settings
 from PIL import Image
 from random_robots import examples, robots
-from robot_files import about, check_inputs, ranked, rules, run_step
-from tiny import TinyRobot, pendulum, tiny_quadruped, with_drives
+from robot_files import about, check_inputs, checked, ranked, rules, run_step
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_drives, with_mimic
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision, differences
@@ -23,10 +23,12 @@ from assetbuild.facts.readers._mjcf import BareFacts, MjcfFacts, MjxFacts
 from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.facts.readers.scene import SceneFacts
 from assetbuild.facts.readers.urdf import UrdfFacts
+from assetbuild.facts.readers.xrdf import Xrdf as XrdfFacts
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.facts.surface import pixel_digest
 from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
+from assetbuild.plugin_types import Target
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Limits
 from assetbuild.robot.shapes import Capsule, Shape
@@ -35,26 +37,38 @@ from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd
+from assetbuild.targets.xrdf import Xrdf
+from assetbuild.targets.xrdf.covers import XrdfOptions
 
-FORMS: dict[str, tuple[type[Reader], type, str]] = {
-    "mjcf": (MjcfFacts, Mjcf, "mjcf/robot.xml"),
-    "mjx": (MjxFacts, Mjx, "mjx/robot_mjx.xml"),
-    "bare": (BareFacts, Mjlab, "mjlab/mjcf/robot_bare.xml"),
-    "scene": (SceneFacts, Mjcf, "mjcf/scene.xml"),
-    "urdf": (UrdfFacts, Urdf, "urdf/robot.urdf"),
-    "usd": (UsdReader, Usd, "usd/robot.usda"),
+SPHERES = XrdfOptions(
+    acceleration={"FR_.*": 7.0, ".*": 9.0}, jerk=100, tool_frames=("FR_foot", "imu"), max_spheres=2
+)
+
+
+def xrdf_facts(options: XrdfOptions) -> XrdfFacts:
+    return XrdfFacts(robot="robot", options={"xrdf": options.model_dump(mode="json")})
+
+
+FORMS: dict[str, tuple[Reader, Target, str]] = {
+    "mjcf": (MjcfFacts(robot="robot"), Mjcf(robot="robot"), "mjcf/robot.xml"),
+    "mjx": (MjxFacts(robot="robot"), Mjx(robot="robot"), "mjx/robot_mjx.xml"),
+    "bare": (BareFacts(robot="robot"), Mjlab(robot="robot"), "mjlab/mjcf/robot_bare.xml"),
+    "scene": (SceneFacts(robot="robot"), Mjcf(robot="robot"), "mjcf/scene.xml"),
+    "urdf": (UrdfFacts(robot="robot"), Urdf(robot="robot"), "urdf/robot.urdf"),
+    "usd": (UsdReader(robot="robot"), Usd(robot="robot"), "usd/robot.usda"),
+    "xrdf": (xrdf_facts(SPHERES), Xrdf(robot="robot", options=SPHERES), "xrdf/robot.xrdf"),
 }
 """Reader, target and main file of each form."""
 
 
 def written(robot: TinyRobot, folder: Path, form: str) -> Path:
     _, target, file = FORMS[form]
-    return check_inputs(folder, robot, target(robot="robot"), file.partition("/")[0])
+    return check_inputs(folder, robot, target, file.partition("/")[0])
 
 
 def proved(form: str, inputs: Path) -> list[Finding]:
     """What the reader says of it, but for what a URDF goes without."""
-    found = run_step(FORMS[form][0](robot="robot"), inputs, inputs.parent / "out")
+    found = run_step(FORMS[form][0], inputs, inputs.parent / "out")
     return [finding for finding in found if finding.rule != "lost.urdf"]
 
 
@@ -86,6 +100,22 @@ def test_every_random_tree_is_equal(form: str, robot: TinyRobot) -> None:
         robot = replace(robot, tree=tree, links=tree)
     with TemporaryDirectory() as folder:
         assert check(robot, Path(folder), form) == []
+
+
+@pytest.mark.parametrize("joints", [".*", "FR_.*"])
+def test_a_joint_that_follows_or_that_the_recipe_leaves_out_is_not_planned(
+    joints: str, tmp_path: Path
+):
+    options, robot = SPHERES.model_copy(update={"joints": joints}), tiny_quadruped()
+    tree, links = (
+        with_mimic(replace(robot, tree=one), "FR_thigh_joint", "FR_calf_joint", -2.0, 0.1).tree
+        for one in (robot.tree, robot.links)
+    )
+    target = Xrdf(robot="robot", options=options)
+    inputs = check_inputs(tmp_path, replace(robot, tree=tree, links=links), target, "xrdf")
+    findings, figures = checked(xrdf_facts(options), inputs, tmp_path / "out")
+    assert findings == []
+    assert figures["facts"] > 0
 
 
 def test_a_ball_is_a_capsule_without_length(tmp_path: Path):
@@ -169,6 +199,10 @@ IN_A_QUADRUPED = [
     ("urdf", "mean_corner", "shape trunk_visual", "<geometry>",
      '<origin xyz="0 0 0.03"/><geometry>'),
     ("urdf", "missing_mesh", "shape trunk_visual", "trunk_box.obj", "lost.obj"),
+    ("xrdf", "place", HIP, r"\[FR_hip_joint, FR_thigh_joint", "[FR_thigh_joint, FR_hip_joint"),
+    ("xrdf", "acceleration", HIP, r"limits: \[7.0", "limits: [7.1"),
+    ("xrdf", "jerk", HIP, r"limits: \[100.0", "limits: [101.0"),
+    ("xrdf", "default", "joint FR_thigh_joint", "FR_thigh_joint: 0.8", "FR_thigh_joint: 0.9"),
 ]  # fmt: skip
 IN_A_GRIPPER = [
     ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
@@ -232,6 +266,8 @@ def test_one_line_of_a_mesh_is_found(
         ("mjcf", "<option ", "<option wings='2' ", "wings"),
         ("urdf", "</robot>", "", "not readable as XML"),
         ("urdf", "<robot", "<!DOCTYPE robot><robot", "a DOCTYPE is not allowed"),
+        ("xrdf", r"(?s).*", "[", "not readable as YAML"),
+        ("xrdf", r"(?s).*", "", "the XRDF"),
     ],
 )
 def test_a_file_that_its_format_refuses_is_one_error(
