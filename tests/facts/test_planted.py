@@ -63,7 +63,10 @@ FORMS: dict[str, tuple[Reader, Target, str]] = {
 
 def written(robot: TinyRobot, folder: Path, form: str) -> Path:
     _, target, file = FORMS[form]
-    return check_inputs(folder, robot, target, file.partition("/")[0])
+    inputs = check_inputs(folder, robot, target, file.partition("/")[0])
+    if form == "urdf":  # a build gives its reader the ratings alone
+        (inputs / "control.json").unlink()
+    return inputs
 
 
 def proved(form: str, inputs: Path) -> list[Finding]:

@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import AssetBuildError
-from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
 from assetbuild.pipeline.again import prove_again
 from assetbuild.report.diff import Change, changes
@@ -41,9 +39,8 @@ class Verdict:
 class Read:
     """What a reader made of the untouched bundle."""
 
-    reader: Reader
+    form: str
     file: Path
-    table: Table
     findings: frozenset[Identity]
 
     def news(self, findings: Iterable[Finding]) -> list[Finding]:
@@ -61,11 +58,10 @@ class Judge:
         self.before = _side(untouched)
         reference = Reference.of_bundle(bundle)
         self.reads: list[Read] = []
-        for _, reader, file in bundle_readers(bundle, self.robot, reference):
-            table = reader.read(file)
-            proof = _with_table(reader, table, reference).prove(reference, file)
-            known = frozenset(one for f in proof.findings for one in _identities(f))
-            self.reads.append(Read(reader, file, table, known))
+        for form, reader, file in bundle_readers(bundle, self.robot, reference):
+            findings = reader.prove(reference, file).findings
+            known = frozenset(one for finding in findings for one in _identities(finding))
+            self.reads.append(Read(form, file, known))
 
     @property
     def alarms(self) -> list[Identity]:
@@ -91,6 +87,8 @@ class Judge:
         """What the comparison of every file with the bundle's robot says now, and did not."""
         try:
             reference = Reference.of_bundle(self.bundle)
+            found = bundle_readers(self.bundle, self.robot, reference)
+            readers = {form: reader for form, reader, _ in found}
         except AssetBuildError as error:
             return [_broken("robot", error)]
         said: list[Finding] = []
@@ -98,21 +96,16 @@ class Judge:
             if _word(said) == "found":
                 break  # the others read the same file, or files around it, once more
             try:
-                reader = read.reader
-                if form_of(file) == "robot":
-                    reader = _with_table(reader, read.table, reference)
-                said += read.news(reader.prove(reference, read.file).findings)
+                said += read.news(readers[read.form].prove(reference, read.file).findings)
             except Exception as error:  # a reader that breaks is a finding of this run
-                said.append(_broken(read.reader.format_id, error))
+                said.append(_broken(read.form, error))
         return said if _word(said) == "found" else said + self._written_again()
 
     def _concerned(self, file: str) -> list[Read]:
         """The readers of a file, first the one whose main file it is; of the robot's own, all."""
         if form_of(file) == "robot":
             return self.reads
-        own = [
-            read for read in self.reads if file in self.before.forms[read.reader.format_id].covers
-        ]
+        own = [read for read in self.reads if file in self.before.forms[read.form].covers]
         return sorted(own, key=lambda read: read.file != self.bundle / file)
 
     def _diff(self) -> list[Change]:
@@ -127,17 +120,6 @@ def _side(untouched: Path) -> Side:
     side = bundle_side(untouched)
     read = {n: replace(f, read=functools.cache(f.read)) for n, f in side.forms.items()}
     return replace(side, forms=read)
-
-
-def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:
-    """The reader of a robot whose file, which did not change, says `table`."""
-    own = type(reader)
-    remembered = {"read": lambda self, path: table, "__module__": __name__}
-    kind: type[Reader] = type(own.__name__, (own,), remembered)
-    options = {
-        name: reference.options[name] for name in own.recipe_sections if name in reference.options
-    }
-    return kind(robot=reader.robot, options=options)
 
 
 def _broken(form: str, error: Exception) -> Finding:
