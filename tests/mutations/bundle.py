@@ -7,17 +7,15 @@ import itertools
 import json
 import os
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 from tests.mutations import pictures, text
 from tests.mutations.change import Mutation
 
 FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "xrdf", "policy", "robot")
-TEXTS = (".usda", ".usdc", ".xml", ".urdf", ".py", ".json", ".yaml", ".xrdf", ".obj", ".mtl")
-Walk = Callable[[Path, str, random.Random], Iterator[Mutation]]
-Apply = Callable[[Path, tuple[object, ...]], None]
 
 
 def form_of(file: str) -> str:
@@ -30,12 +28,9 @@ def form_of(file: str) -> str:
     return top if top in FORMATS and "/" in file else ""
 
 
-def tools_of(file: str) -> tuple[Walk, Apply] | None:
-    """How to walk and to change a file, by its ending; None: nothing here knows it."""
-    ending = Path(file).suffix
-    if ending == ".png":
-        return pictures.walk, pictures.apply
-    return (text.walk, text.apply) if ending in TEXTS else None
+def tool_of(file: str) -> ModuleType:
+    """What walks and changes a file, by its ending."""
+    return pictures if file.endswith(".png") else text
 
 
 def files_of(bundle: Path, forms: tuple[str, ...] = FORMATS) -> list[str]:
@@ -48,20 +43,15 @@ def mutations(bundle: Path, forms: tuple[str, ...], seed: int) -> list[Mutation]
     """Every mutation of every file of some formats, the same ones for the same seed."""
     found: list[Mutation] = []
     for file in files_of(bundle, forms):
-        tools = tools_of(file)
-        if tools is None:
-            raise ValueError(f"nothing here knows how to change {file}")
-        found += tools[0](bundle / file, file, random.Random(f"{seed} {file}"))
+        found += tool_of(file).walk(bundle / file, file, random.Random(f"{seed} {file}"))
     return found
 
 
 @contextmanager
 def planted(bundle: Path, mutation: Mutation) -> Iterator[None]:
     """The bundle with one change, and a manifest and a provenance that fit it; then as before."""
-    tools = tools_of(mutation.file)
-    assert tools is not None
     with kept(bundle, mutation.file):
-        tools[1](bundle / mutation.file, mutation.key)
+        tool_of(mutation.file).apply(bundle / mutation.file, mutation.key)
         _aged(bundle / mutation.file)
         refit(bundle, mutation.file)
         yield
