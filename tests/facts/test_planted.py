@@ -206,6 +206,7 @@ IN_A_QUADRUPED = [
     ("xrdf", "acceleration", HIP, r"limits: \[7.0", "limits: [7.1"),
     ("xrdf", "jerk", HIP, r"limits: \[100.0", "limits: [101.0"),
     ("xrdf", "default", "joint FR_thigh_joint", "FR_thigh_joint: 0.8", "FR_thigh_joint: 0.9"),
+    ("xrdf", "ignored", "pair FR_calf FR_thigh", r"(FR_thigh: \[)FR_calf(, )?", r"\1"),
 ]  # fmt: skip
 IN_A_GRIPPER = [
     ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
