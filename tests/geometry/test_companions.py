@@ -177,7 +177,7 @@ def test_the_looks_of_what_only_collides_are_of_no_interest(role: str, tmp_path:
     more = f'<{role}><geometry><mesh filename="meshes/c.obj"/></geometry></{role}></link>'
     files = {"r.urdf": URDF.replace("</link>", more).encode(), "meshes/c.obj": CORNER}
     recipe = laid_out(tmp_path, {**FILES, **files})
-    recipe.write_text(recipe.read_text().replace("none", "keep"))
+    recipe.write_text(recipe.read_text().replace("none", "keep, from: collision"))
     assert ("mesh.no_mtl" in built(recipe)[2]) is (role == "visual")
 
 
