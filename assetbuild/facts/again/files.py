@@ -189,12 +189,16 @@ def python_tree(path: Path) -> Node:
 def _imports(
     statements: Sequence[ast.Import | ast.ImportFrom], used: set[str]
 ) -> Iterator[tuple[str, Node]]:
-    """What each imported name is, in any order, but what nothing uses of Python's own modules."""
+    """What each imported name is, in any order, but what nothing uses of Python's own modules.
+
+    What comes from `__future__` acts without being named.
+    """
     for one in statements:
         package = f"{'.' * one.level}{one.module or ''}." if isinstance(one, ast.ImportFrom) else ""
         for each in one.names:
             name, origin = each.asname or each.name, f"{package}{each.name}"
-            if name in used or origin.partition(".")[0] not in sys.stdlib_module_names:
+            is_used = name in used or package == "__future__."
+            if is_used or origin.partition(".")[0] not in sys.stdlib_module_names:
                 yield f"import {origin if name == '*' else name}", Node(origin, {}, one.lineno)
 
 
