@@ -247,6 +247,7 @@ def _among_others(path: str, bundle: Path, again: Again) -> Iterator[Path]:
         shutil.copytree(again.folder, name, copy_function=os.link, dirs_exist_ok=True)
         there = Path(name, path)
         there.unlink()
+        shutil.copyfile(bundle / path, there)
         for file in (bundle / path.partition("/")[0]).rglob("*"):
             copy = Path(name, file.relative_to(bundle))
             if file.is_file() and not copy.exists():

@@ -21,6 +21,7 @@ actuators:
   - {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}
 keyframes:
   home: {base: on_ground, joints: {".*_hip_joint": 0, ".*_thigh_joint": 0.3, ".*_calf_joint": -1}}
+randomize: {joints: {".*_calf_joint": {kp: [0.9, 1.1]}}}
 targets: [urdf, mjcf, mjx, usd, mjlab]
 validate: {free_fall: null, sine: null}
 """

@@ -16,8 +16,8 @@ from tests.mutations.conftest import built
 from tests.mutations.rewrite import rewritten
 from tests.mutations.run import Result, sample, try_all
 
-OWN = tuple(form for form in FORMATS if form not in ("dr", "xrdf", "policy"))
-"""The formats of a bundle without `randomize`, planners and policies."""
+OWN = tuple(form for form in FORMATS if form not in ("xrdf", "policy"))
+"""The formats of a bundle without planners and policies."""
 KEPT = ("1 %", "10 %", "sign", "zero", "another value")
 """Changes that leave every attribute in its place."""
 FOUND = 0.8

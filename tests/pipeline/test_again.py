@@ -61,6 +61,7 @@ EDITED = {
         "stiffness=20.0", "stiffness=2.0", "equal.mjlab.stiffness", (20.0, 2.0)),
     "usd/payloads/physics.usda": (
         "physics:mass = ", "physics:mass = 1", "equal.usd.mass", None),
+    "dr.yaml": ("22.0]", "23.0]", "equal.dr.range", ((18.0, 22.0), (18.0, 23.0))),
 }  # fmt: skip
 
 
