@@ -58,8 +58,8 @@ ANKLE = 5
 """A leg with as many joints can lay its foot flat on the ground."""
 TIP_M = 0.01
 """Points of a shank within this distance of its last one are its tip."""
-GEAR = 0.04
-"""Of the heaviest part on the same body: what weighs less is a gear or a rod, and no limb."""
+GEAR_SHARE = 0.04
+"""A part that weighs less than this share of its heaviest neighbour on a body is a gear or rod."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
 _LIGHT_KG, _SHORT_M = 0.4, 0.25
@@ -120,11 +120,11 @@ def study(robot: InspectedRobot) -> Anatomy:
     extent = np.ptp([pose.xyz for pose in robot.at_zero.values()], axis=0)
     turning = what_turns(robot)
     wheels = frozenset(name for name, part in turning.items() if part.role == "wheel")
-    beside = _beside(tree)
+    gears = _gear_joints(tree)
     limbs = [
-        _limb(robot, tip, wheels, beside)
+        _limb(robot, tip, wheels, gears)
         for tip in _leaves(tree)
-        if beside.isdisjoint(joint.name for joint in chain_to(tree, tip))
+        if gears.isdisjoint(joint.name for joint in chain_to(tree, tip))
     ]
     legs = _legs(robot, limbs, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
@@ -258,26 +258,21 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
-def _beside(tree: Tree) -> frozenset[str]:
-    """Joints of gears, rods and bearings: they weigh next to nothing beside what hangs there."""
-    below = {
-        body.name: math.fsum(
-            inertial.mass_kg
-            for name in bodies_below(tree, body.name)
-            if (inertial := tree.by_body[name].inertial)
-        )
-        for body in tree.bodies
-    }
-    heaviest: dict[str, float] = {}
-    for joint in tree.joints:
-        heaviest[joint.parent] = max(below[joint.child], heaviest.get(joint.parent, 0.0))
-    return frozenset(j.name for j in tree.joints if below[j.child] < GEAR * heaviest[j.parent])
+def _gear_joints(tree: Tree) -> frozenset[str]:
+    """Return the joints that carry gears, rods and bearings, which are light beside a limb."""
+    below_kg = {b.name: b.inertial.mass_kg if b.inertial else 0.0 for b in tree.bodies}
+    heaviest_kg = dict.fromkeys(below_kg, 0.0)
+    for joint in reversed(tree.joints):  # children first
+        below_kg[joint.parent] += below_kg[joint.child]
+        heaviest_kg[joint.parent] = max(below_kg[joint.child], heaviest_kg[joint.parent])
+    light = (j for j in tree.joints if below_kg[j.child] < GEAR_SHARE * heaviest_kg[j.parent])
+    return frozenset(joint.name for joint in light)
 
 
-def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str], beside: Collection[str]) -> Leg:
+def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str], gears: Collection[str]) -> Leg:
     """The chain from the last body where the robot branches to `tip`.
 
-    wheels, beside: joints; those of `beside` make no branch.
+    wheels, gears: names of joints; a gear makes no branch.
     """
     tree, at_zero, leaves = robot.tree, robot.at_zero, _leaves(robot.tree)
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
@@ -285,7 +280,7 @@ def _limb(robot: InspectedRobot, tip: str, wheels: Collection[str], beside: Coll
     states = any(j.limits.effort for j in tree.joints)
     springs = [j for j in tree.joints if states and j.limits.effort == 0.0 and j.child in leaves]
     branches = Counter(
-        joint.parent for joint in tree.joints if joint not in springs and joint.name not in beside
+        joint.parent for joint in tree.joints if joint not in springs and joint.name not in gears
     )
     joints: list[Joint] = []
     for joint in chain_to(tree, tip)[::-1]:

@@ -228,7 +228,7 @@ def _where_named(loaded: LoadedRecipe, message: str) -> Where | None:
 
 
 _THING = re.compile(r"(joint|link) (?:`([^`]+)`|([^:]+):)")
-"""As errors of steps begin: ``joint `j` is ...``, `link a: ...`."""
+"""The start of a step's error that names a part: ``joint `j` is ...``, `link a: ...`."""
 
 
 def _where_in_source(message: str, locate: Callable[[str], str]) -> Where | None:

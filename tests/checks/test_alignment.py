@@ -172,7 +172,7 @@ def motion(joint: str, angle: np.ndarray, sample_s: float = 0.01) -> Motion:
 
 
 UPPER = 2.0
-"""Of the pendulum, rad."""
+"""The pendulum's upper limit, rad."""
 
 
 def past_upper(coarse: float, fine: float) -> Row:

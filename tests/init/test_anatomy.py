@@ -265,7 +265,7 @@ def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Pa
 
 @pytest.mark.parametrize(("mass", "stands"), [(0.005, True), (0.3, False)])
 def test_gears_and_rods_beside_a_leg_are_no_limbs(mass: float, stands: bool, tmp_path: Path):
-    """As in the legs of ToddlerBot: gears at the thigh, beside the shank."""
+    """ToddlerBot has gears on its thighs, where the shanks hang."""
     parts = []
     for side, y in (("l", "0.1"), ("r", "-0.1")):
         hip, knee = f"{side}_thigh", f"{side}_shank"

@@ -137,4 +137,4 @@ WAYS: Mapping[str, tuple[Rewriting, ...]] = {
     ".mtl": (),
     ".png": (_compress,),
 }
-"""By ending, the ways to write a file differently; XML has those of its elements."""
+"""Ways to rewrite a file, by its suffix; for XML, they rewrite single elements."""

@@ -189,9 +189,9 @@ def python_tree(path: Path) -> Node:
 def _imports(
     statements: Sequence[ast.Import | ast.ImportFrom], used: set[str]
 ) -> Iterator[tuple[str, Node]]:
-    """What each imported name is, in any order, but what nothing uses of Python's own modules.
+    """Yield each imported name with its origin.
 
-    What comes from `__future__` acts without being named.
+    Unused imports of the standard library are left out, except those from `__future__`.
     """
     for one in statements:
         package = f"{'.' * one.level}{one.module or ''}." if isinstance(one, ast.ImportFrom) else ""
