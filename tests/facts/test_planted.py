@@ -105,6 +105,10 @@ def test_every_random_tree_is_equal(form: str, robot: TinyRobot) -> None:
         assert check(robot, Path(folder), form) == []
 
 
+def test_a_scale_of_1_may_be_stated(tmp_path: Path):
+    assert check(tiny_quadruped(), tmp_path, "urdf", "<mesh ", '<mesh scale="1 1.0 1" ') == []
+
+
 @pytest.mark.parametrize("joints", [".*", "FR_.*"])
 def test_a_joint_that_follows_or_that_the_recipe_leaves_out_is_not_planned(
     joints: str, tmp_path: Path
@@ -202,6 +206,7 @@ IN_A_QUADRUPED = [
     ("urdf", "mean_corner", "shape trunk_visual", "<geometry>",
      '<origin xyz="0 0 0.03"/><geometry>'),
     ("urdf", "missing_mesh", "shape trunk_visual", "trunk_box.obj", "lost.obj"),
+    ("urdf", "scale", "shape trunk_visual", "<mesh ", '<mesh scale="1 2 1" '),
     ("xrdf", "place", HIP, r"\[FR_hip_joint, FR_thigh_joint", "[FR_thigh_joint, FR_hip_joint"),
     ("xrdf", "acceleration", HIP, r"limits: \[7.0", "limits: [7.1"),
     ("xrdf", "jerk", HIP, r"limits: \[100.0", "limits: [101.0"),

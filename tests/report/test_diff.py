@@ -93,12 +93,13 @@ def test_a_new_error_is_critical_a_new_warning_is_not_and_a_gone_one_is_low(
     side: Callable[..., Side],
 ):
     before = side(ready=True, findings={("a.a", "link x"): "warning"})
-    after = side(ready=False, findings={("b.b", "link x"): "error", ("c.c", "link x"): "warning"})
+    new = {("b.b", "link x"): "error", ("c.c", "link x"): "warning"}
+    after = side(ready=False, findings=new | {("d.d", "link x"): "a severity of another version"})
     found = changes(before, after)
     assert [(c.rank, c.quantity) for c in found.rows] == [
         ("CRITICAL", "ready for training"), ("CRITICAL", "finding b.b"),
-        ("MEDIUM", "finding c.c"), ("LOW", "finding a.a")]  # fmt: skip
-    assert counts(found) == "2 CRITICAL, 1 MEDIUM, 1 LOW"
+        ("MEDIUM", "finding c.c"), ("LOW", "finding a.a"), ("LOW", "finding d.d")]  # fmt: skip
+    assert counts(found) == "2 CRITICAL, 1 MEDIUM, 2 LOW"
 
 
 def test_of_the_figures_of_a_check_that_grew_the_one_that_did_most_is_told(
