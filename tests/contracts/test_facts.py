@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from gripper import gripper
 from robot_files import check_inputs, run_step, write_robot_ports
-from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_control, with_mimic
 
 from assetbuild.errors import StepError
 from assetbuild.facts.reference import Reference, robot_table
@@ -26,10 +26,11 @@ from assetbuild.robot.model import (
     Joint,
     Keyframe,
     Limits,
+    LoopEnd,
     Place,
     Sensor,
 )
-from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
 from assetbuild.robot.shapes import Material
 
 from .conftest import OPTIONS, READERS
@@ -69,12 +70,17 @@ def odd() -> dict[str, TinyRobot]:
 
     skew = (0.6, 0.0, -0.8)
 
-    def on(joint: Joint, base: TinyRobot = arm) -> TinyRobot:
-        tree = replace(base.tree, joints=(joint,))
-        return replace(base, tree=tree, links=tree, control=replace(base.control, keyframes=()))
+    def on(joint: Joint, **control: object) -> TinyRobot:
+        tree = replace(arm.tree, joints=(joint,))
+        return with_control(replace(arm, tree=tree, links=tree), keyframes=(), **control)
 
-    def told(robot: TinyRobot, **control: object) -> TinyRobot:
-        return replace(robot, control=replace(robot.control, **control))
+    def to_base(*ends: LoopEnd) -> TinyRobot:
+        """Readers take the body without a joint above it for the root, and a loop is none."""
+        bars = four_bar()
+        tree = replace(bars.tree, X_world_root=Pose((0.0, 0.0, 0.3)))
+        (loop,) = bars.control.loops
+        bars = with_control(bars, loops=(replace(loop, a=ends[0], b=ends[1]),))
+        return replace(bars, tree=tree, links=tree)
 
     kinds = ("hip", "thigh", "calf")
     by_kind = sorted(dog.tree.joints, key=lambda joint: kinds.index(joint.name.split("_")[1]))
@@ -89,6 +95,17 @@ def odd() -> dict[str, TinyRobot]:
     general = (replace(first, model="general", general=gain, name="own name"), *others)
     stalled = replace(first, model="dc_motor", stall=30.0)
     gyro = Sensor("gyro", "gyro", Place("frame", "trunk"), None, 1.0, 0.1)
+    cameras = (
+        Camera("eye", "trunk", tilt, 1.2),
+        Camera("merged", "imu", tilt, 1.2),
+        Camera("room", None, tilt),
+        Camera("wide", "trunk", IDENTITY, 0.5, (1280, 720)),
+        Camera("tall", "FR_calf", tilt, 2.5, (480, 640)),
+        Camera("imu", "imu", tilt),
+        Camera("my eye/1", "FR_calf", tilt),
+    )
+    at_coupler = LoopEnd("coupler", Pose((0.2, 0.0, 0.0)))
+    at_base = LoopEnd("base", Pose((0.25, 0.0, 0.0)))
     return {
         "quadruped": dog,
         "pendulum": arm,
@@ -98,31 +115,36 @@ def odd() -> dict[str, TinyRobot]:
         "all models": with_drives(dog, "pd", "velocity", "ideal_pd", "dc_motor", "motor"),
         "slide": on(replace(swing, kind="prismatic", X_parent_joint=tilt, axis=skew)),
         "continuous": on(replace(swing, kind="continuous", limits=Limits(effort=5.0), axis=skew)),
-        "planar": told(on(replace(swing, kind="planar", limits=Limits(), axis=skew)), actuators=()),
+        "planar": on(replace(swing, kind="planar", limits=Limits(), axis=skew), actuators=()),
         "locked": on(replace(swing, limits=Limits(0.5, 0.5, 5.0))),
         "crossed": on(replace(swing, limits=Limits(2.0, 1.0, 5.0))),
         "almost diagonal": weighing(arm, (0.03, 0.04, 0.05, 3e-9, -2e-9, 1e-9)),
         "flat": weighing(arm, (0.1 + 0.2, 0.1, 0.2, 0.0, 0.0, 0.0)),
         "odd names": called(dog, 'a "<&> 材质'),
-        "motor named as a class": told(dog, actuators=motors),
-        "kept body": told(on(replace(swing, kind="fixed", limits=Limits())), actuators=()),
+        "motor named as a class": with_control(dog, actuators=motors),
+        "kept body": on(replace(swing, kind="fixed", limits=Limits()), actuators=()),
         "base without mass": replace(arm, tree=light, links=light),
-        "hung": replace(arm, tree=hung, links=hung),
+        "hung": with_control(replace(arm, tree=hung, links=hung), cameras=cameras[2:3]),
         "joints by kind": replace(dog, tree=replace(dog.tree, joints=tuple(by_kind))),
         "mimic chain": with_mimic(pair, "RL_hip_joint", "FL_hip_joint", 3.0, 0.1),
-        "turned home": told(dog, keyframes=(Keyframe("lie", home.joints, tilt),)),
-        "soft soles": told(dog, contacts=(("FR_foot_collision", soles),)),
-        "more excludes": told(dog, excludes=(*dog.control.excludes, ("FL_hip", "FR_hip"))),
-        "general drive": told(dog, actuators=general),
-        "stalling motor": told(dog, actuators=(stalled, *others)),
-        "gyro": told(dog, sensors=(gyro,)),
-        "cameras": told(dog, cameras=(Camera("a", "imu", tilt, 1.2), Camera("b", None, tilt))),
+        "turned home": with_control(dog, keyframes=(Keyframe("lie", home.joints, tilt),)),
+        "soft soles": with_control(dog, contacts=(("FR_foot_collision", soles),)),
+        "more excludes": with_control(dog, excludes=(*dog.control.excludes, ("FL_hip", "FR_hip"))),
+        "general drive": with_control(dog, actuators=general),
+        "stalling motor": with_control(dog, actuators=(stalled, *others)),
+        "gyro": with_control(dog, sensors=(gyro,)),
+        "cameras": with_control(dog, cameras=cameras),
+        "loop to the base": to_base(at_coupler, at_base),
+        "loop from the base": to_base(at_base, at_coupler),
+        "no keyframes": with_control(dog, keyframes=()),
+        "home comes second": with_control(dog, keyframes=dog.control.keyframes[::-1]),
     }  # fmt: skip
 
 
 ODD = odd()
 AT_ONCE = {"gripper", "quadruped", "loop", "all models", "slide", "planar", "odd names",
-           "kept body", "hung", "mimic chain", "turned home", "cameras"}  # fmt: skip
+           "kept body", "hung", "mimic chain", "turned home", "cameras", "loop to the base",
+           "loop from the base", "no keyframes", "home comes second"}  # fmt: skip
 """Those that between them have everything; the others are slow, as there are many."""
 CASES = [case if case in AT_ONCE else pytest.param(case, marks=pytest.mark.slow) for case in ODD]
 

@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from robot_files import check_inputs, run_step
-from tiny import TinyRobot, tiny_quadruped, with_mimic
+from tiny import tiny_quadruped, with_control, with_mimic
 
-from assetbuild.facts.readers._mjcf import MjcfFacts
-from assetbuild.facts.readers._usd import UsdReader, UsdSceneReader
-from assetbuild.facts.readers.isaaclab import IsaacLabReader
-from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Body, Joint, Limits, Mimic, Tree
 from assetbuild.simulators.mujoco import at_key
-from assetbuild.targets.isaaclab import IsaacLab
-from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.mjlab import Mjlab
-from assetbuild.targets.usd import Usd
 
 
 def gripper(*mimics: tuple[str, Mimic | None]) -> Tree:
@@ -46,23 +36,7 @@ QUADRUPED = tiny_quadruped()
 """Its calves turn from -2.8 to -0.9 rad."""
 
 
-FORMS = {
-    Mjcf(robot="robot"): (MjcfFacts(robot="robot"),),
-    Usd(robot="robot"): (UsdReader(robot="robot"), UsdSceneReader(robot="robot")),
-    Mjlab(robot="robot"): (MjlabReader(robot="robot"),),
-    IsaacLab(robot="robot"): (IsaacLabReader(robot="robot"),),
-}
-"""Targets, and what reads their files back and compares them with the robot."""
-
-
-def without_keyframes() -> TinyRobot:
-    return replace(QUADRUPED, control=replace(QUADRUPED.control, keyframes=()))
-
-
-def with_names(*names: str) -> TinyRobot:
-    keys = QUADRUPED.control.keyframes
-    renamed = tuple(replace(key, name=name) for key, name in zip(keys, names, strict=True))
-    return replace(QUADRUPED, control=replace(QUADRUPED.control, keyframes=renamed))
+BARE = with_control(QUADRUPED, keyframes=())
 
 
 @pytest.mark.parametrize(
@@ -70,12 +44,14 @@ def with_names(*names: str) -> TinyRobot:
     [(("home", "crouch"), 0), (("crouch", "home"), 1), (("stance", "crouch"), 0)],
 )
 def test_a_robot_starts_at_home_else_at_its_first_keyframe(names: tuple[str, str], wanted: int):
-    robot = with_names(*names)
-    assert initial_pose(robot.tree, robot.control) == robot.control.keyframes[wanted]
+    keys = zip(QUADRUPED.control.keyframes, names, strict=True)
+    keyframes = tuple(replace(key, name=name) for key, name in keys)
+    control = replace(QUADRUPED.control, keyframes=keyframes)
+    assert initial_pose(QUADRUPED.tree, control) == keyframes[wanted]
 
 
 def test_without_keyframes_joints_are_as_near_to_zero_as_they_may_be_and_mimics_follow():
-    robot = with_mimic(without_keyframes(), "FL_calf_joint", "FR_calf_joint", 0.5, -1.0)
+    robot = with_mimic(BARE, "FL_calf_joint", "FR_calf_joint", 0.5, -1.0)
     start = dict(initial_pose(robot.tree, robot.control).joints)
     assert start["FR_hip_joint"] == 0.0
     assert start["FR_calf_joint"] == -0.9
@@ -88,24 +64,8 @@ def test_a_joint_that_turns_without_end_starts_at_zero():
         for joint in QUADRUPED.tree.joints
     )
     tree = replace(QUADRUPED.tree, joints=joints)
-    start = initial_pose(tree, without_keyframes().control)
+    start = initial_pose(tree, BARE.control)
     assert {value for _, value in start.joints} == {0.0}
-
-
-@pytest.mark.parametrize(
-    "robot", [without_keyframes(), with_names("stance", "crouch"), with_names("crouch", "home")]
-)
-def test_every_form_of_a_robot_starts_in_its_initial_pose(robot: TinyRobot, tmp_path: Path):
-    start = dict(initial_pose(robot.tree, robot.control).joints)
-    for number, (target, readers) in enumerate(FORMS.items()):
-        folder = tmp_path / str(number)
-        inputs = check_inputs(folder, robot, target, target.outputs[0].strip("/"))
-        for reader in readers:
-            found = run_step(reader, inputs, folder / reader.format_id)
-            assert found == [], (reader.display_name, found)
-    data = at_key(mujoco.MjModel.from_xml_path(str(tmp_path / "0/inputs/mjcf/robot.xml")))
-    in_mujoco = {name: float(data.joint(name).qpos[0]) for name in start}
-    assert in_mujoco == pytest.approx(start, abs=1e-12)
 
 
 def test_mujoco_starts_a_foreign_model_without_keyframes_inside_its_limits():

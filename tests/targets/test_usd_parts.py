@@ -1,22 +1,19 @@
-"""Parts of the USD: metadata, materials, variants, surfaces, cameras."""
+"""Parts of the USD: metadata, materials, variants, surfaces."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pxr import Sdf, Usd
-from robot_files import check_inputs, models, run_step, write_robot_ports
-from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_control, with_mimic
+from robot_files import check_inputs, run_step
+from tiny import TinyRobot, tiny_quadruped, with_control, with_mimic
 
-from assetbuild.facts.readers._mjcf import MjcfFacts
 from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Camera, Contact, LoopEnd
-from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
+from assetbuild.robot.model import Contact
 from assetbuild.robot.sections import About
 from assetbuild.robot.shapes import Material
 from assetbuild.simulators.usd_options import UsdOptions
@@ -132,61 +129,3 @@ def test_a_mimic_that_the_recipe_leaves_out_is_told(tmp_path: Path) -> None:
         "newton:mimicJoint"
     )
     assert [f.rule for f in found if f.subject == "joint FL_hip_joint"] == ["usd.mimic"]
-
-
-# --- cameras -------------------------------------------------------------------------------------
-
-
-TURNED = Pose((0.1, -0.2, 0.3), quat_of_rpy(0.3, -0.4, 2.0))
-
-
-def seen(robot: TinyRobot, *cameras: Camera) -> TinyRobot:
-    return with_control(robot, cameras=cameras)
-
-
-def held(robot: TinyRobot) -> TinyRobot:
-    """Its root hangs turned in the world."""
-    tree = replace(robot.tree, X_world_root=TURNED)
-    return replace(robot, tree=tree, links=replace(robot.links, X_world_root=TURNED))
-
-
-ROBOTS = {
-    "on a body": seen(tiny_quadruped(), Camera("eye", "trunk", TURNED, math.radians(58.0))),
-    "on a link that was merged": seen(tiny_quadruped(), Camera("eye", "imu", TURNED, 1.2)),
-    "two, wide and tall": seen(
-        tiny_quadruped(),
-        Camera("wide", "trunk", IDENTITY, 0.5, (1280, 720)),
-        Camera("tall", "FR_calf", TURNED, 2.5, (480, 640)),
-    ),
-    "in the world": seen(pendulum(), Camera("eye", None, TURNED, 0.8)),
-    "in the world of a root that hangs turned": seen(held(pendulum()), Camera("a", None, TURNED)),
-    "named as a link": seen(tiny_quadruped(), Camera("imu", "imu", TURNED)),
-    "with a name that USD does not allow": seen(pendulum(), Camera("my eye/1", "arm", TURNED)),
-}
-
-
-@pytest.mark.parametrize("case", ROBOTS)
-def test_readers_find_a_camera_where_the_robot_has_it(case: str, tmp_path: Path):
-    """In USD by its own camera; MuJoCo's compiled one sees the same."""
-    inputs = models(tmp_path, ROBOTS[case])
-    for reader in (MjcfFacts, UsdReader):
-        assert run_step(reader(robot="robot"), inputs, tmp_path / reader.format_id) == []
-
-
-# --- loops ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-def test_a_loop_to_the_base_leaves_the_base_the_root(swapped: bool, tmp_path: Path):
-    """The read-back takes the body without a joint above it for the root, and a loop is none."""
-    robot = four_bar()
-    (loop,) = robot.control.loops
-    ends = (loop.a, LoopEnd("base", Pose((0.25, 0.0, 0.0))))
-    a, b = reversed(ends) if swapped else ends
-    control = replace(robot.control, loops=(replace(loop, a=a, b=b),))
-    tree = replace(robot.tree, X_world_root=Pose((0.0, 0.0, 0.3)))
-    robot = replace(robot, tree=tree, links=tree, control=control)
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    run_step(UsdTarget(robot="bot"), inputs, inputs)
-    options = {"usd": UsdOptions().model_dump(mode="json")}
-    assert run_step(UsdReader(robot="bot", options=options), inputs, tmp_path / "same") == []
