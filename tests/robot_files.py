@@ -62,6 +62,21 @@ def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
     return list(step.run(Files(inputs=inputs, outputs=outputs)))
 
 
+def emit(target: Step, robot: TinyRobot, folder: Path) -> list[Finding]:
+    """The findings of a target, which writes the robot's files into `folder/out`."""
+    return run_step(target, write_robot_ports(folder / "in", robot), folder / "out")
+
+
+def compiled(robot: TinyRobot, folder: Path, file: str = "robot.xml") -> Any:
+    """A file of the robot's MJCF, as MuJoCo compiles it. Any: mujoco.MjModel."""
+    import mujoco
+
+    from assetbuild.targets.mjcf import Mjcf
+
+    emit(Mjcf(robot="robot"), robot, folder)
+    return mujoco.MjModel.from_xml_path(str(folder / "out/mjcf" / file))
+
+
 def checked(check: Step, inputs: Path, outputs: Path) -> tuple[list[Finding], dict[str, Any]]:
     """The findings of a check, and its figures."""
     findings = run_step(check, inputs, outputs)

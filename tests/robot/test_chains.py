@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_robots import examples, robots
-from robot_files import run_step, write_robot_ports
+from robot_files import emit, run_step, write_robot_ports
 from tiny import TinyRobot, ball_inertial, box_inertial, tiny_quadruped
 
 from assetbuild.facts.readers._mjcf import MjcfFacts
@@ -145,7 +145,7 @@ def test_what_is_shown_is_not_lost(tmp_path: Path):
 
 def passes_in_mujoco(robot: TinyRobot, folder: Path) -> set[tuple[str, str]]:
     """Pairs of bodies (sorted names) that touch nowhere by MuJoCo's rule or by an exclude."""
-    run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", robot), folder / "out")
+    emit(Mjcf(robot="r"), robot, folder)
     model = load(folder / "out/mjcf/r.xml").model
     bodies = {body.name: int(model.body(body.name).id) for body in robot.tree.bodies}
     names = {index: name for name, index in bodies.items()}

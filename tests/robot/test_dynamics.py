@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_robots import examples, inertials, poses, robots
-from robot_files import run_step, write_robot_ports
+from robot_files import compiled
 from tiny import TinyRobot, ball_inertial, box_inertial, pendulum, standing_height, tiny_quadruped
 
 from assetbuild.robot.dynamics import dynamics, holding_torques
@@ -30,14 +30,6 @@ from assetbuild.robot.inertia import (
 from assetbuild.robot.model import Body, Inertial, Mimic
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.mujoco import mass_matrix
-from assetbuild.targets.mjcf import Mjcf
-
-
-def compiled(robot: TinyRobot, folder: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    write_robot_ports(folder / "in", robot)
-    run_step(Mjcf(robot="robot"), folder / "in", folder / "out")
-    model = mujoco.MjModel.from_xml_path(str(folder / "out/mjcf/robot.xml"))
-    return model, mujoco.MjData(model)
 
 
 def armatures(robot: TinyRobot) -> dict[str, float]:
@@ -48,7 +40,8 @@ def armatures(robot: TinyRobot) -> dict[str, float]:
 @given(robots())
 def test_the_mass_matrix_of_any_tree_is_mujocos(robot: TinyRobot) -> None:
     with TemporaryDirectory() as folder:
-        model, data = compiled(robot, Path(folder))
+        model = compiled(robot, Path(folder))
+    data = mujoco.MjData(model)
     q = {j.name: 0.1 + 0.2 * i for i, j in enumerate(robot.tree.moving_joints)}
     for name, value in q.items():
         data.qpos[model.joint(name).qposadr[0]] = value

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_robots import examples
-from robot_files import check_inputs
+from robot_files import compiled
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.robot.model import Control
@@ -27,7 +27,6 @@ from assetbuild.robot.softness import (
     soft_limits,
     softness,
 )
-from assetbuild.targets.mjcf import Mjcf
 
 LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
 
@@ -42,9 +41,8 @@ def stiffened(robot: TinyRobot) -> TinyRobot:
     return replace(robot, control=control)
 
 
-def compiled(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
-    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
+def weightless(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
+    model: mujoco.MjModel = compiled(robot, folder)
     model.opt.gravity[:] = 0.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return model
@@ -70,7 +68,7 @@ def test_limits_are_as_stiff_as_mujoco_makes_them(
 ) -> None:
     """MuJoCo's own inverse inertias give k = 1 / (invweight (1 - d) t^2 z^2), c = 2 t z^2 k."""
     robot = stiffened(robot) if stiff else robot
-    model = compiled(robot, tmp_path)
+    model = weightless(robot, tmp_path)
     springs = limit_springs(robot.tree, robot.control)
     assert set(springs) == {joint.name for joint in robot.tree.moving_joints}
     for name, (stiffness, damping) in springs.items():
@@ -84,7 +82,7 @@ def test_limits_are_as_stiff_as_mujoco_makes_them(
 def test_the_inertia_is_mujocos_own(tmp_path: Path) -> None:
     """`dof_invweight0`, which knows no mimic and no armature of another joint."""
     robot = coupled()
-    model = compiled(robot, tmp_path)
+    model = weightless(robot, tmp_path)
     for name, inertia in bare_inertia(robot.tree, robot.control).items():
         dof = model.joint(name).dofadr[0]
         assert inertia == pytest.approx(1.0 / model.dof_invweight0[dof], rel=1e-6)
@@ -105,7 +103,7 @@ def test_full_effort_stays_within_the_wish(effort: float, timestep: float, tmp_p
     """MuJoCo's steady state at the limit is the error that the formula gives."""
     robot = one_bar(effort, timestep)
     name = robot.tree.moving_joints[0].name
-    past = pushed(compiled(stiffened(robot), tmp_path), name, effort)[0] - 1.0
+    past = pushed(weightless(stiffened(robot), tmp_path), name, effort)[0] - 1.0
     soft = dict(soft_limits(robot.tree, robot.control, LIMITS)).get(name)
     if soft is not None:
         inertia = bare_inertia(robot.tree, robot.control)[name]
@@ -120,7 +118,7 @@ def coupled() -> TinyRobot:
 
 def parted(robot: TinyRobot, folder: Path) -> float:
     """How far the calves part, rad, when all the effort of one works against the other."""
-    model = compiled(robot, folder)
+    model = weightless(robot, folder)
     data = mujoco.MjData(model)
     leader, follower = (model.joint(f"{leg}_calf_joint") for leg in ("FR", "FL"))
     for joint in (leader, follower):  # beyond their limits nothing but the coupling would count

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from robot_files import run_step, write_robot_ports
+from robot_files import emit, write_robot_ports
 from tiny import TinyRobot, pendulum, sprung, tiny_quadruped, with_control
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import recorded
 from assetbuild.facts.table import Key, Table
-from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.report.diff import changes
 from assetbuild.report.sides import Form, Side, foreign_side
@@ -88,14 +87,12 @@ RANGES = {
 }
 
 
-def emit(robot: TinyRobot, folder: Path, **fields: Any) -> list[Finding]:
-    inputs = write_robot_ports(folder / "inputs", robot)
-    return run_step(IsaacLab(robot="robot", **fields), inputs, folder / "out")
+ISAAC_LAB = IsaacLab(robot="robot")
 
 
 def module_of(robot: TinyRobot, folder: Path, generation: int, **fields: Any) -> Any:
     """What a module says when it is executed with stand-ins."""
-    emit(robot, folder, **fields)
+    emit(IsaacLab(robot="robot", **fields), robot, folder)
     return recorded(folder / f"out/isaaclab/robot_isaaclab_{generation}.py")
 
 
@@ -157,7 +154,8 @@ def test_what_isaac_lab_cannot_randomize_is_told(tmp_path: Path) -> None:
         "payloads": [{"link": "trunk", "mass": [0, 1], "size": [1, 1, 1]}],
         "joints": {".*": {"delay": [0, 2], "encoder_bias": 0.01, "friction": [0.5, 2]}},
     }
-    (finding,) = emit(tiny_quadruped(), tmp_path, randomize=Randomize.model_validate(wide))
+    target = IsaacLab(robot="robot", randomize=Randomize.model_validate(wide))
+    (finding,) = emit(target, tiny_quadruped(), tmp_path)
     assert finding.rule == "isaaclab.randomize"
     assert set(finding.data["without"]) == {
         "payloads",
@@ -170,13 +168,13 @@ def test_what_isaac_lab_cannot_randomize_is_told(tmp_path: Path) -> None:
 
 def test_losses_are_told(tmp_path: Path) -> None:
     robot = pendulum()
-    found = emit(robot, tmp_path / "usd", has_usd=False)
+    found = emit(IsaacLab(robot="robot", has_usd=False), robot, tmp_path / "usd")
     assert [f.rule for f in found] == ["isaaclab.no_usd"]
     general = tuple(replace(a, model="general") for a in robot.control.actuators)
     robot = with_control(robot, actuators=general)
-    assert [f.rule for f in emit(robot, tmp_path / "general")] == ["isaaclab.general"]
+    assert [f.rule for f in emit(ISAAC_LAB, robot, tmp_path / "general")] == ["isaaclab.general"]
     for rest, severity in ((0.5, "error"), (0.0, "info")):
-        found = emit(sprung(rest=rest), tmp_path / severity)
+        found = emit(ISAAC_LAB, sprung(rest=rest), tmp_path / severity)
         (spring,) = [f for f in found if f.rule == "isaaclab.spring"]
         assert (spring.severity, spring.data) == (severity, {"stiffness": 6.0, "rest": rest})
 
@@ -192,7 +190,7 @@ def test_recipe_configures_it() -> None:
 
 def test_the_usd_is_looked_for_beside_a_link_to_the_module(tmp_path: Path) -> None:
     """As a step sees its inputs: links into the store, where nothing lies beside the file."""
-    emit(tiny_quadruped(), tmp_path)
+    emit(ISAAC_LAB, tiny_quadruped(), tmp_path)
     text = (tmp_path / "out/isaaclab/robot_isaaclab_3.py").read_text()
     (line,) = [line for line in text.splitlines() if line.startswith("USD = ")]
     link = tmp_path / "staged/isaaclab/robot_isaaclab_3.py"

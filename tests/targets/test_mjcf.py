@@ -13,11 +13,10 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from robot_files import run_step, write_robot_ports
+from robot_files import compiled, emit
 from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped, with_control
 
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
 from assetbuild.robot.model import Body, Control, Frame, Inertial, Joint, Limits, MjcfOnly, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
@@ -26,19 +25,12 @@ from assetbuild.targets.mjcf.classes import shared_words
 from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import number
 
-
-def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
-    inputs = write_robot_ports(folder / "in", robot)
-    return run_step(Mjcf(robot=name), inputs, folder / "out")
+MJCF = Mjcf(robot="robot")
 
 
 def write_mjcf(robot: TinyRobot, folder: Path) -> Path:
-    emit(robot, folder)
+    emit(MJCF, robot, folder)
     return folder / "out/mjcf"
-
-
-def compiled(robot: TinyRobot, folder: Path, file: str = "robot.xml") -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(write_mjcf(robot, folder) / file))
 
 
 # --- what MuJoCo reads ----------------------------------------------------------------------
@@ -138,7 +130,7 @@ def test_a_flat_body_compiles_in_spite_of_rounding(
 def test_what_mjcf_cannot_hold_is_said_once_with_a_count(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     outside = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
-    found = emit(with_control(robot, actuators=outside), tmp_path)
+    found = emit(MJCF, with_control(robot, actuators=outside), tmp_path)
     assert [(f.rule, f.severity, f.data["joints"]) for f in found] == [
         ("mjcf.velocity_limit", "info", 12),
         ("mjcf.external_gains", "info", 12),
@@ -158,7 +150,7 @@ def joint_to(kind: str, **changes: object) -> TinyRobot:
 
 def test_planar_joint_moves_across_its_normal_and_turns_about_it(tmp_path: Path) -> None:
     robot = joint_to("planar", axis=(1.0, 0.0, 0.0), limits=Limits())
-    assert [f.rule for f in emit(robot, tmp_path)] == ["mjcf.planar_joint"]
+    assert [f.rule for f in emit(MJCF, robot, tmp_path)] == ["mjcf.planar_joint"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert model.nv == 3
     assert np.allclose(model.jnt_axis[2], (1, 0, 0))
@@ -180,7 +172,7 @@ def test_what_mjcf_has_no_form_for_is_refused(
     robot: TinyRobot, name: str, said: str, tmp_path: Path
 ) -> None:
     with pytest.raises(StepError, match=said):
-        emit(robot, tmp_path, name)
+        emit(Mjcf(robot=name), robot, tmp_path)
 
 
 def test_body_called_world_is_renamed_in_all_that_names_it(tmp_path: Path) -> None:
@@ -191,7 +183,8 @@ def test_body_called_world_is_renamed_in_all_that_names_it(tmp_path: Path) -> No
         joints=(replace(robot.tree.joints[0], parent="world"),),
     )
     item = MjcfOnly("contact", '<exclude name="no" body1="world" body2="arm"/>')
-    found = emit(with_control(replace(robot, tree=tree), mjcf_only=(item,)), tmp_path)
+    robot = with_control(replace(robot, tree=tree), mjcf_only=(item,))
+    found = emit(MJCF, robot, tmp_path)
     assert [f.subject for f in found if f.rule == "mjcf.reserved_name"] == ["link world"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert (model.body(1).name, model.nexclude) == ("world_body", 1)
@@ -208,7 +201,7 @@ def test_texture_is_copied_with_its_transparency_and_a_missing_one_is_said(tmp_p
         (MeshAsset("box", "box.obj", 8, 12),),
     )
     meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "skin.png": picture.getvalue()}
-    found = emit(replace(pendulum(), shapes=shapes, meshes=meshes), tmp_path)
+    found = emit(MJCF, replace(pendulum(), shapes=shapes, meshes=meshes), tmp_path)
     assert [f.severity for f in found if f.rule == "mjcf.texture"] == ["warning"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert (model.ntex, model.nmat) == (1, 2)

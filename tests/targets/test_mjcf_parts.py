@@ -7,12 +7,11 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs, compiled, emit, run_step
 from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_control
 
 from assetbuild.errors import StepError
 from assetbuild.facts.readers._mjcf import MjcfFacts
-from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Camera, Contact, LoopEnd, MjcfOnly, Place, Sensor
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -46,16 +45,11 @@ def robot_with_all() -> TinyRobot:
     return with_control(tiny_quadruped(), contacts=FEET, sensors=SENSORS, cameras=CAMERAS)
 
 
-def built(robot: TinyRobot, folder: Path) -> tuple[mujoco.MjModel, list[Finding], str]:
-    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
-    path = inputs / "mjcf/robot.xml"
-    findings = run_step(MjcfFacts(robot="robot"), inputs, folder / "out")
-    return mujoco.MjModel.from_xml_path(str(path)), findings, path.read_text()
-
-
 def test_every_sensor_camera_and_surface_is_in_the_compiled_model(tmp_path: Path) -> None:
-    model, findings, text = built(robot_with_all(), tmp_path)
-    assert findings == []
+    inputs = check_inputs(tmp_path, robot_with_all(), Mjcf(robot="robot"), "mjcf")
+    assert run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "out") == []
+    text = (inputs / "mjcf/robot.xml").read_text()
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
     assert model.nsensor == len(SENSORS)
     assert text.count("condim") == text.count("solref") == 1, "said once, in the class"
     assert '<default class="foot">' in text
@@ -66,8 +60,7 @@ def test_every_sensor_camera_and_surface_is_in_the_compiled_model(tmp_path: Path
 
 def test_a_foot_contact_sensor_feels_the_weight(tmp_path: Path) -> None:
     robot = robot_with_all()
-    inputs = check_inputs(tmp_path, robot, Mjcf(robot="robot"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
+    model = compiled(robot, tmp_path, "scene.xml")
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     for _ in range(400):
@@ -83,7 +76,7 @@ def test_a_sensor_without_its_place_is_refused(tmp_path: Path) -> None:
     drive = replace(robot.control.actuators[0], model="passive")
     sensor = Sensor("t", "actuatorfrc", Place("actuator", "swing_joint"))
     with pytest.raises(StepError, match="sensor t: MJCF has no actuatorfrc"):
-        built(with_control(robot, actuators=(drive,), sensors=(sensor,)), tmp_path)
+        compiled(with_control(robot, actuators=(drive,), sensors=(sensor,)), tmp_path)
 
 
 def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
@@ -92,8 +85,8 @@ def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
         {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": "p", "urdf": "r"},
          "mjcf": said | {"integrator": "Euler"}}
     )  # fmt: skip
-    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf.configure(recipe), "mjcf")
-    option = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml")).opt
+    emit(Mjcf.configure(recipe), tiny_quadruped(), tmp_path)
+    option = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml")).opt
     assert (option.iterations, option.ls_iterations, option.impratio) == (7, 9, 3.0)
     assert (option.solver, option.cone, option.integrator) == (1, 1, 0)
 
@@ -104,13 +97,7 @@ def test_materials_that_look_alike_share_one_name(tmp_path: Path) -> None:
     twin = replace(grey, name="Face636_001")
     shapes = tuple(replace(s, material="Face636_001") if s.name == "imu_visual" else s for s in robot.shapes.shapes)  # fmt: skip # noqa: E501
     alike = replace(robot.shapes, shapes=shapes, materials=(*robot.shapes.materials, twin))
-    emit(replace(robot, shapes=alike), tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
-    assert model.nmat == 1
-
-
-def emit(robot: TinyRobot, folder: Path) -> list[Finding]:
-    return run_step(Mjcf(robot="robot"), write_robot_ports(folder / "in", robot), folder / "out")
+    assert compiled(replace(robot, shapes=alike), tmp_path).nmat == 1
 
 
 # --- loops ---------------------------------------------------------------------------------------
@@ -122,8 +109,8 @@ def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp
     robot = four_bar()
     end = LoopEnd("rocker", Pose((rocker, 0.0, 0.0)))
     loop = replace(robot.control.loops[0], b=end)
-    rules = {finding.rule for finding in emit(with_control(robot, loops=(loop,)), tmp_path)}
-    assert ("mjcf.loop_at_zero" in rules) == told
+    found = emit(Mjcf(robot="robot"), with_control(robot, loops=(loop,)), tmp_path)
+    assert ("mjcf.loop_at_zero" in {finding.rule for finding in found}) == told
 
 
 # --- what only MJCF can say: the whole way from a source is in checks/test_mjcf_source.py -------
@@ -134,5 +121,5 @@ def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp
 )
 def test_a_free_joint_is_called_as_in_the_source(name: str, element: str, tmp_path: Path):
     called = MjcfOnly("freejoint", f'<freejoint name="{name}"/>')
-    emit(with_control(tiny_quadruped(), mjcf_only=(called,)), tmp_path)
+    emit(Mjcf(robot="robot"), with_control(tiny_quadruped(), mjcf_only=(called,)), tmp_path)
     assert element in (tmp_path / "out/mjcf/robot.xml").read_text()

@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import pytest
 from mjcfs import read, write
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs, emit, run_step
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_control
 
 from assetbuild.checks.mjlab_contract import MjlabContract
@@ -32,25 +32,18 @@ from assetbuild.targets.mjlab.module import MjlabOptions
 from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
-def built(robot: TinyRobot, folder: Path, target: object) -> Path:
-    inputs = write_robot_ports(folder / "in", robot)
-    run_step(target, inputs, folder / "out")
-    return folder / "out"
-
-
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     sole = robot.control.contact.model_copy(update={"condim": 6, "priority": 1})
     robot = with_control(robot, contacts=(("FR_foot_collision", sole),))
-    inputs = write_robot_ports(tmp_path / "in", robot)
     asked = MjxOptions.model_validate({"condim": 3})
-    (finding,) = run_step(Mjx(robot="robot", options=asked), inputs, tmp_path / "out")
+    (finding,) = emit(Mjx(robot="robot", options=asked), robot, tmp_path)
     assert (finding.rule, finding.data) == ("mjx.condim", {"condim": 3, "was": 6})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjx/robot_mjx.xml"))
     assert set(model.geom_condim) == {3}
     assert model.geom("FR_foot_collision").priority == 1
-    assert run_step(Mjx(robot="robot"), inputs, tmp_path / "as_it_is") == []
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "as_it_is/mjx/robot_mjx.xml"))
+    assert emit(Mjx(robot="robot"), robot, tmp_path / "as_it_is") == []
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "as_it_is/out/mjx/robot_mjx.xml"))
     assert model.geom("FR_foot_collision").condim == 6
 
 
@@ -60,11 +53,9 @@ def test_a_hull_with_many_corners_is_capped_and_told(tmp_path: Path) -> None:
         replace(s, geometry=Mesh("trunk_box")) if s.name == "trunk_collision" else s
         for s in robot.shapes.shapes
     )
-    inputs = write_robot_ports(
-        tmp_path, replace(robot, shapes=replace(robot.shapes, shapes=shapes))
-    )
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=shapes))
     target = Mjx(robot="robot", options=MjxOptions.model_validate({"max_vertices": 4}))
-    findings = run_step(target, inputs, tmp_path / "out")
+    findings = emit(target, robot, tmp_path)
     assert [f.rule for f in findings] == ["mjx.hull"]
     assert 'maxhullvert="4"' in (tmp_path / "out/mjx/robot_mjx.xml").read_text()
 
@@ -72,7 +63,7 @@ def test_a_hull_with_many_corners_is_capped_and_told(tmp_path: Path) -> None:
 def test_a_pattern_that_leaves_nothing_to_stand_on_is_refused(tmp_path: Path) -> None:
     target = Mjx(robot="robot", options=MjxOptions.model_validate({"touching": "paw"}))
     with pytest.raises(StepError, match="leaves no collision shape"):
-        built(tiny_quadruped(), tmp_path, target)
+        emit(target, tiny_quadruped(), tmp_path)
 
 
 @pytest.mark.parametrize(("touching", "untouchable"), [(".*_foot", [13]), (".*", [])])
@@ -80,9 +71,8 @@ def test_links_that_touch_nothing_are_counted(
     touching: str, untouchable: list[int], tmp_path: Path
 ) -> None:
     """The trunk and three links of each leg."""
-    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
     target = Mjx(robot="robot", options=MjxOptions.model_validate({"touching": touching}))
-    found = run_step(target, inputs, tmp_path / "out")
+    found = emit(target, tiny_quadruped(), tmp_path)
     assert [f.data["links"] for f in found if f.rule == "mjx.collision_disabled"] == untouchable
 
 
@@ -90,8 +80,7 @@ def test_sensors_that_mjlab_makes_itself_are_left_out(tmp_path: Path) -> None:
     touch = Sensor("touch", "contact", Place("body", "FR_calf"))
     gyro = Sensor("gyro", "gyro", Place("frame", "imu"))
     robot = with_control(tiny_quadruped(), sensors=(touch, gyro))
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    found = run_step(MJLAB, inputs, tmp_path / "out")
+    found = emit(MJLAB, robot, tmp_path)
     assert [f.data["sensors"] for f in found if f.rule == "mjlab.sensors"] == [("touch",)]
 
 
@@ -124,26 +113,19 @@ def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
     assert constant(text, "KNEES") == tuple(f"{leg}_thigh_joint" for leg in LEGS)
 
 
-def randomized(ranges: dict, folder: Path) -> tuple[str, list]:
-    target = MJLAB.model_copy(update={"randomize": Randomize.model_validate(ranges)})
-    inputs = write_robot_ports(folder / "in", tiny_quadruped())
-    findings = run_step(target, inputs, folder / "out")
-    return module_of(folder / "out"), findings
-
-
 def test_what_mjlab_cannot_randomize_is_told(tmp_path: Path) -> None:
     wide = {"links": {".*": {"stretch": 0.1}}, "restitution": [0, 0.5]}
-    text, (finding,) = randomized(wide, tmp_path)
+    target = MJLAB.model_copy(update={"randomize": Randomize.model_validate(wide)})
+    (finding,) = emit(target, tiny_quadruped(), tmp_path)
     assert finding.rule == "mjlab.randomize"
     stretch, bounce = finding.data["without"]
     assert stretch.startswith("stretch")
     assert bounce.startswith("restitution")
-    assert '"d_range": (-0.1, 0.1)' in text
+    assert '"d_range": (-0.1, 0.1)' in module_of(tmp_path / "out")
 
 
 def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
-    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
-    findings = run_step(Mjlab(robot="robot"), inputs, tmp_path / "out")
+    findings = emit(Mjlab(robot="robot"), tiny_quadruped(), tmp_path)
     assert [f.rule for f in findings] == ["mjlab.imu", "mjlab.feet"]
     assert "velocity" not in module_of(tmp_path / "out")
 
@@ -154,13 +136,11 @@ def test_a_dc_motor_saturates_at_its_stall_torque(
 ) -> None:
     drive = Actuator("swing_joint", "dc_motor", 9.0, effort=5.0, velocity=10.0, stall=stall)
     robot = with_control(pendulum(), actuators=(drive,))
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    found = [f.rule for f in run_step(Mjlab(robot="r"), inputs, tmp_path / "o")]
-    found += [f.rule for f in run_step(IsaacLab(robot="r"), inputs, tmp_path / "i")]
+    found = [f.rule for each in (Mjlab, IsaacLab) for f in emit(each(robot="r"), robot, tmp_path)]
     unstated = ["mjlab.saturation", "isaaclab.saturation"]
     assert found == ([] if stall else unstated)
-    for file in ("o/mjlab/python/r_mjlab.py", "i/isaaclab/r_isaaclab_2.py"):
-        text = (tmp_path / file).read_text()
+    for file in ("mjlab/python/r_mjlab.py", "isaaclab/r_isaaclab_2.py"):
+        text = (tmp_path / "out" / file).read_text()
         assert f"saturation_effort={said!r}" in text
         assert "effort_limit=5.0" in text
 
@@ -168,8 +148,7 @@ def test_a_dc_motor_saturates_at_its_stall_torque(
 def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:
     drive = Actuator("swing_joint", "general", general=General(gainprm=(1.0,)))
     robot = with_control(pendulum(), actuators=(drive,))
-    findings = run_step(Mjlab(robot="r"), write_robot_ports(tmp_path / "in", robot), tmp_path / "o")
-    assert [f.rule for f in findings] == ["mjlab.actuator"]
+    assert [f.rule for f in emit(Mjlab(robot="r"), robot, tmp_path)] == ["mjlab.actuator"]
 
 
 HOPPER = """<mujoco model="hopper"><compiler angle="radian"/>

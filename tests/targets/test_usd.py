@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics
 from random_robots import inertials, unit_vectors
-from robot_files import check_inputs, run_step, write_robot_ports
+from robot_files import check_inputs, emit, run_step, write_robot_ports
 from tiny import (
     TinyRobot,
     box_inertial,
@@ -44,8 +44,7 @@ from assetbuild.targets.usd.joints import joint_axis
 
 def build(robot: TinyRobot, folder: Path, name: str = "robot") -> tuple[Path, list[Finding]]:
     """The folder `usd/` and the findings."""
-    inputs = write_robot_ports(folder / "in", robot)
-    findings = run_step(Usd(robot=name), inputs, folder / "out")
+    findings = emit(Usd(robot=name), robot, folder)
     return folder / "out/usd", findings
 
 

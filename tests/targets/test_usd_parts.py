@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from pxr import Sdf, Usd
-from robot_files import check_inputs, run_step
+from robot_files import check_inputs, emit, run_step
 from tiny import TinyRobot, tiny_quadruped, with_control, with_mimic
 
 from assetbuild.facts.readers._usd import UsdReader
@@ -23,21 +23,22 @@ ABOUT = About(author="A. Maker", vendor="Legs Ltd", description="It walks", tags
 TARGET = UsdTarget(robot="robot", about_robot=ABOUT, licence="MIT", urdf="robots/quad.urdf")
 
 
-def metadata(inputs: Path) -> dict[str, Any]:  # Any: values of USD's dictionaries
-    layer = Sdf.Layer.FindOrOpen(str(inputs / "usd/robot.usda"))
+def metadata(
+    target: UsdTarget, folder: Path
+) -> dict[str, Any]:  # Any: values of USD's dictionaries
+    emit(target, tiny_quadruped(), folder)
+    layer = Sdf.Layer.FindOrOpen(str(folder / "out/usd/robot.usda"))
     layer.Reload(force=True)
     return dict(layer.customLayerData["SimReady_Metadata"])
 
 
 def test_it_says_what_the_recipe_says_of_the_robot(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), TARGET, "usd")
-    said = metadata(inputs)
+    said = metadata(TARGET, tmp_path)
     assert (said["author"], said["vendor"], said["tags"]) == ("A. Maker", "Legs Ltd", "dog, toy")
     assert (said["asset_license"], said["source_file"]) == ("MIT", "quad.urdf")
     assert said["usd_date_generated"].startswith("not recorded")
     assert all(side > 0.0 for side in said["asset_extents"])
-    plain = UsdTarget(robot="robot")
-    said = metadata(check_inputs(tmp_path / "unstated", tiny_quadruped(), plain, "usd"))
+    said = metadata(UsdTarget(robot="robot"), tmp_path / "unstated")
     assert not {"author", "vendor", "description", "asset_license", "source_file"} & set(said)
 
 
@@ -77,8 +78,7 @@ def words(stage: Usd.Stage) -> set[str]:
 
 @pytest.mark.parametrize("variant", OWN)
 def test_a_variant_has_the_words_of_its_engines_and_all_of_them(tmp_path: Path, variant: str):
-    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    stage, _ = build(tiny_quadruped(), tmp_path)
     whole = words(stage)
     stage.GetDefaultPrim().GetVariantSet("Physics").SetVariantSelection(variant)
     left_out = tuple(engine for engine in ENGINES if engine not in OWN[variant])
@@ -95,10 +95,8 @@ PLAIN = UsdOptions()
 def build(
     robot: TinyRobot, folder: Path, options: UsdOptions = PLAIN
 ) -> tuple[Usd.Stage, list[Finding]]:
-    target = UsdTarget(robot="robot", options=options)
-    inputs = check_inputs(folder, robot, target, "usd")
-    found = run_step(target, inputs, folder / "again")
-    return Usd.Stage.Open(str(inputs / "usd/robot.usda")), found
+    found = emit(UsdTarget(robot="robot", options=options), robot, folder)
+    return Usd.Stage.Open(str(folder / "out/usd/robot.usda")), found
 
 
 def test_each_value_that_physx_cannot_hold_is_told_once(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from robot_files import run_step, write_robot_ports
+from robot_files import emit
 from tiny import TinyRobot, box_obj, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.errors import StepError
@@ -34,9 +34,7 @@ def written(
     folder: Path, robot: TinyRobot, has_urdf: bool = True, **options: Any
 ) -> tuple[dict[str, Any], list[Finding]]:
     said = XrdfOptions.model_validate({**STATED, **options})
-    ports = write_robot_ports(folder / "in", robot)
-    step = Xrdf(robot="tiny", options=said, has_urdf=has_urdf)
-    findings = run_step(step, ports, folder / "out")
+    findings = emit(Xrdf(robot="tiny", options=said, has_urdf=has_urdf), robot, folder)
     return yaml.safe_load((folder / "out/xrdf/tiny.xrdf").read_text()), findings
 
 
