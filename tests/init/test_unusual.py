@@ -8,36 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import urdfs
 from proposals import proposed
 from tiny import stl
+from urdfs import LIMIT, inertial, joint, link, mesh, robot, shape
 
 from assetbuild.errors import AssetBuildError, SourceError
 from assetbuild.init import propose
 
-INERTIAL = urdfs.inertial(xyz="0 0 0.01")
-BOX = urdfs.shape("visual", urdfs.box())
-LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="5"/>'
 TRIANGLE = stl(np.array([[[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]]))
 
 
-def robot(*parts: str, name: str = "r") -> str:
-    return f'<?xml version="1.0"?>\n{urdfs.robot(*parts, name=name)}'
-
-
-def link(name: str, body: str = INERTIAL + BOX) -> str:
-    return urdfs.link(name, body)
-
-
-def mesh(file: str) -> str:
-    return INERTIAL + urdfs.shape("visual", urdfs.mesh(file))
-
-
-def joint(
-    name: str, parent: str, child: str, kind: str = "revolute", more: str = LIMIT, x: float = 0.0
-) -> str:
-    axis = None if kind in ("fixed", "floating") else "0 0 1"
-    return urdfs.joint(name, parent, child, kind, more, xyz=f"{x} 0 0.2", axis=axis)
+def seen(file: str, role: str = "visual") -> str:
+    """A link that weighs, with a mesh."""
+    return inertial() + shape(role, mesh(file))
 
 
 @pytest.mark.parametrize(
@@ -51,8 +34,8 @@ def test_a_type_that_no_build_takes_is_patched(kind: str, limit: str, becomes: s
     assert patch.replace == str(patch.find).replace(kind, becomes)
 
 
-TWO = robot(link("base"), link("arm"), joint("j", "base", "arm"))
-BARE = TWO.partition("\n")[2]
+BARE = robot(link("base"), link("arm"), joint("j", "base", "arm"))
+TWO = f'<?xml version="1.0"?>\n{BARE}'
 STRANGE: dict[str, str | bytes] = {
     "words of YAML": robot(
         link("yes"), link("~"), link("- x: {y}"),
@@ -71,7 +54,7 @@ STRANGE: dict[str, str | bytes] = {
     "one link without anything": robot(link("only", "")),
     "followers in a row": robot(
         link("a"), link("b"), link("c"), joint("1", "a", "b", "continuous", ""),
-        joint("2", "b", "c", more=LIMIT + '<mimic joint="1" multiplier="-2"/>'),
+        joint("2", "b", "c", content=LIMIT + '<mimic joint="1" multiplier="-2"/>'),
     ),
     "a byte order mark": b"\xef\xbb\xbf" + TWO.encode(),
     "UTF-16": b"\xff\xfe" + BARE.encode("utf-16-le"),
@@ -103,8 +86,7 @@ def test_a_cart_that_joints_move_over_its_root_does_not_float_as_well(tmp_path: 
     """Else its light root would swing, and not the cart."""
     wheels = [link(f"wheel_{side}") for side in "lr"]
     rolls = [
-        urdfs.joint(f"w{side}", "cart", f"wheel_{side}", "continuous", axis="0 1 0")
-        for side in "lr"
+        joint(f"w{side}", "cart", f"wheel_{side}", "continuous", axis="0 1 0") for side in "lr"
     ]
     plane = joint("p", "root", "cart", "planar")
     slides = [joint("x", "root", "rail", "prismatic"), joint("y", "rail", "cart", "prismatic")]
@@ -116,12 +98,12 @@ def test_a_cart_that_joints_move_over_its_root_does_not_float_as_well(tmp_path: 
 
 
 REFUSED = {
-    "absent meshes": (robot(link("a", mesh("x.stl")), link("b", mesh("y.stl")), joint("j", "a", "b")), r"r\.urdf:3: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
-    "an absent one of a series": (robot(link("a", mesh("t1.stl")), link("b", mesh("t.stl")), joint("j", "a", "b"), link("c", INERTIAL + urdfs.shape("collision", urdfs.mesh("t1.stl"))), joint("k", "a", "c")), "no file `t1.stl`\nhint: the source holds no file `t1.stl`: copy or clone all of it"),
-    "a mesh of no format": (robot(link("a", mesh("t"))), "of no known format"),
-    "a backslash": (robot(link("a", mesh("m\\t.stl"))), "no file `m/t.stl`"),
+    "absent meshes": (robot(link("a", seen("x.stl")), link("b", seen("y.stl")), joint("j", "a", "b")), r"r\.urdf:2: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
+    "an absent one of a series": (robot(link("a", seen("t1.stl")), link("b", seen("t.stl")), joint("j", "a", "b"), link("c", seen("t1.stl", "collision")), joint("k", "a", "c")), "no file `t1.stl`\nhint: the source holds no file `t1.stl`: copy or clone all of it"),
+    "a mesh of no format": (robot(link("a", seen("t"))), "of no known format"),
+    "a backslash": (robot(link("a", seen("m\\t.stl"))), "no file `m/t.stl`"),
     "undeclared Latin-1": (TWO.replace("base", "körper").encode("latin-1"), "state its encoding"),
-    "a follower of a planar joint": (robot(link("a"), link("b"), link("c"), joint("1", "a", "b", "planar", ""), joint("2", "b", "c", more=LIMIT + '<mimic joint="1"/>')), "no single position"),
+    "a follower of a planar joint": (robot(link("a"), link("b"), link("c"), joint("1", "a", "b", "planar", ""), joint("2", "b", "c", content=LIMIT + '<mimic joint="1"/>')), "no single position"),
 }  # fmt: skip
 
 
@@ -154,15 +136,15 @@ def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
 
 def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -> str:
     """Limbs of two hinges on a trunk. down: how far the shin reaches along -z; else along y."""
-    parts = [urdfs.link("trunk")]
+    parts = [link("trunk")]
     for i in range(limbs):
         above, side = "trunk", 0.3 if down else 0.0
         for name, kind in ((names[0], "revolute"), (names[1], last)):
             below, at = f"{name}_{i}", f"{i - 1.5} {0.3 - side} {-down}"
-            parts.append(urdfs.link(below))
-            parts.append(urdfs.joint(f"{name}_joint_{i}", above, below, kind, xyz=at))
+            parts.append(link(below))
+            parts.append(joint(f"{name}_joint_{i}", above, below, kind, xyz=at))
             above = below
-    return urdfs.robot(*parts, name="bot")
+    return robot(*parts, name="bot")
 
 
 @pytest.mark.parametrize(
@@ -188,7 +170,7 @@ def test_legs_are_known_by_where_they_reach_or_by_their_names(
 def test_what_is_bolted_to_the_world_does_not_stand(tmp_path: Path):
     """Its legs hang, and the recipe says how they would walk."""
     walker = _walker(last="revolute", down=0.3, names=("thigh", "shank"))
-    bolt = urdfs.link("world", "") + urdfs.joint("bolt", "world", "trunk", "fixed", "")
+    bolt = link("world", "") + joint("bolt", "world", "trunk", "fixed", "")
     text = proposed(walker.replace("</robot>", f"{bolt}</robot>"), tmp_path).text
     assert "base: fixed   # the root link is called `world`; to let it walk on its 4 legs" in text
     assert "stand" not in text
@@ -205,7 +187,7 @@ def test_what_ends_in_feet_by_their_names_walks(end: str, base: str, tmp_path: P
     """Spirit 40: its upper and lower links lie level at 0, and carry toes on fixed joints."""
     limbs = _walker(last="revolute", down=0.0, names=("upper", "lower"))
     for i in range(4):
-        foot = urdfs.link(f"{end}_{i}") + urdfs.joint(
+        foot = link(f"{end}_{i}") + joint(
             f"{end}_joint_{i}", f"lower_{i}", f"{end}_{i}", "fixed", "", xyz="0 0.2 0"
         )
         limbs = limbs.replace("</robot>", f"{foot}</robot>")
