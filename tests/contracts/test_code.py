@@ -1,4 +1,4 @@
-"""Keys cover the code: what a step's run loads or opens is in its key, by name; nothing else is."""
+"""Keys cover the code: what a step's run loads or opens is in its key, or among its files."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import ast
 import json
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -48,11 +49,12 @@ for file in job["runs"]:
     run = json.loads(Path(file).read_bytes())
     before, opened, programs = set(sys.modules), [], []
     def note(event, words):
-        if event == "open" and isinstance(words[0], str | bytes):
+        if event in ("open", "os.listdir", "os.scandir") and isinstance(words[0], str | bytes):
             opened.append(os.path.abspath(os.fsdecode(words[0])))
         elif event == "subprocess.Popen":
             programs.append([os.fsdecode(word) for word in words[1]])
     sys.addaudithook(note)
+    os.environ["TMPDIR"] = run["home"]
     os.chdir(run["home"])
     step = step_from_json(run["step"])
     files = Files(Path(run["inputs"]), Path(run["outputs"]))
@@ -73,6 +75,8 @@ ELSEWHERE = {
 }
 """Steps that these builds do not run; no library or program of theirs is on every machine."""
 
+FREE = ("/usr", "/etc", "/proc", "/dev", sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"))
+"""What any program opens, besides the package's own code."""
 ASIDE = {
     "charset-normalizer": "`numpy.f2py`, which scipy loads, guesses encodings of Fortran with it",
     "cffi": "`glfw` prefers it to `ctypes` where it is installed; no step opens a window",
@@ -83,9 +87,13 @@ ASIDE = {
 
 @dataclass(frozen=True)
 class Seen:
-    """What one run did. modules: loaded; opened: files; programs: started, as words."""
+    """What one run did. modules: loaded; opened: paths; programs: started, as words.
+
+    place: the folder of its inputs and outputs.
+    """
 
     step: type[Step]
+    place: Path
     modules: tuple[str, ...]
     opened: tuple[str, ...]
     programs: tuple[tuple[str, ...], ...]
@@ -146,7 +154,7 @@ def seen(kind: type[Step], file: Path) -> Seen:
     raw = json.loads(file.with_name("seen.json").read_bytes())
     assert not raw["log"], f"{kind.__module__}: {raw['log']}"
     programs = tuple(tuple(words) for words in raw["programs"])
-    return Seen(kind, tuple(raw["modules"]), tuple(raw["opened"]), programs)
+    return Seen(kind, file.parent, tuple(raw["modules"]), tuple(raw["opened"]), programs)
 
 
 def is_ours(name: str) -> bool:
@@ -169,8 +177,9 @@ def not_covered(run: Seen, code: StepCode, libraries: Libraries) -> Iterator[str
         run_files = [word for word in words if word.endswith(".py")]
         yield from (f"program {path}" for path in run_files if path not in paths)
     for path in run.opened:
-        is_data = PACKAGE in Path(path).parents and not path.endswith((".py", ".pyc"))
-        if is_data and path not in paths:
+        is_data = PACKAGE in Path(path).parents and Path(path).suffix not in ("", ".py", ".pyc")
+        is_own = path.startswith((str(run.place), str(PACKAGE), *FREE))
+        if path not in paths and (is_data or not is_own):
             yield f"file {path}"
 
 
