@@ -88,7 +88,8 @@ def measured(name: str) -> Row:
         shutil.copytree(RECIPES, place, dirs_exist_ok=True)  # a composite names its parts
         recipe = place / f"{name}.yaml"
         text = recipe.read_text(encoding="utf-8")
-        build(recipe, place / "out")
+        recipe.write_text(re.sub(r"(?m)^targets:.*$", "targets: [mjcf]", text), encoding="utf-8")
+        assetbuild("build", recipe, "-o", place / "out", "--fail-on", "never")
         truth = Truth(place / "out" / "mjcf" / f"{name}.xml", name)
         entry = truth.entry()
         recipe.write_text(f"{text}\nidentify: {json.dumps([entry])}\n", encoding="utf-8")
@@ -107,18 +108,6 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def build(recipe: Path, out: Path) -> None:
-    """The MJCF of the recipe, whatever its checks say."""
-    text = recipe.read_text(encoding="utf-8")
-    only = recipe.with_name(f"only_{recipe.name}")
-    kept = [line for line in text.splitlines() if not line.startswith("targets:")]
-    only.write_text("\n".join([*kept, "targets: [mjcf]", ""]), encoding="utf-8")
-    lock = recipe.with_name(f"{recipe.stem}.lock.yaml")
-    if lock.is_file():
-        only.with_name(f"{only.stem}.lock.yaml").write_bytes(lock.read_bytes())
-    assetbuild("build", only, "-o", out, "--fail-on", "never")
-
-
 class Truth:
     """The robot on its stand with parameters that the recipe does not know."""
 
@@ -130,9 +119,11 @@ class Truth:
                 spec.delete(joint)
         for key in list(spec.keys):
             spec.delete(key)
-        m = self.model = spec.compile()
         if name in PAYLOAD:
-            add_point(m, *PAYLOAD[name], np.array([0.05, 0.0, 0.03]))
+            body, mass = PAYLOAD[name]
+            load = spec.body(body).add_body(ipos=[0.05, 0.0, 0.03], mass=mass)
+            load.inertia, load.explicitinertial = np.full(3, 1e-9), True
+        m = self.model = spec.compile()
         self.name, self.random = name, np.random.default_rng(crc32(name.encode()))
         moved = [m.joint(int(joint)) for joint in m.actuator_trnid[:, 0]]
         self.drives = [a for a, j in enumerate(moved) if re.fullmatch(JOINTS[name], j.name)]
@@ -227,25 +218,6 @@ class Truth:
         rms = [[p[key] for p in fit["predictions"]] for key in ("before", "after")]
         row.before, row.after = (float(np.sqrt(np.mean(np.square(r)))) for r in rms)
         return row
-
-
-def add_point(m: mujoco.MjModel, body: str, mass: float, at: np.ndarray) -> None:
-    """A point mass on a body."""
-    b = m.body(body).id
-    R = np.zeros(9)
-    mujoco.mju_quat2Mat(R, m.body_iquat[b])
-    R = R.reshape(3, 3)
-    tensor, com, own = R @ np.diag(m.body_inertia[b]) @ R.T, m.body_ipos[b].copy(), m.body_mass[b]
-    middle = (own * com + mass * at) / (own + mass)
-
-    def shift(m_: float, d: np.ndarray) -> np.ndarray:
-        return m_ * (d @ d * np.eye(3) - np.outer(d, d))
-
-    moments, axes = np.linalg.eigh(tensor + shift(own, com - middle) + shift(mass, at - middle))
-    if np.linalg.det(axes) < 0:
-        axes[:, 0] *= -1
-    mujoco.mju_mat2Quat(m.body_iquat[b], axes.reshape(-1))
-    m.body_inertia[b], m.body_ipos[b], m.body_mass[b] = moments, middle, own + mass
 
 
 if __name__ == "__main__":

@@ -207,6 +207,13 @@ def test_what_a_run_loads_opens_or_starts_is_in_its_key(runs: list[Seen], code: 
     assert not wrong, "\n".join(f"{step} uses {what}" for step, what in sorted(wrong))
 
 
+def test_a_file_that_is_no_input_of_a_step_is_named(code: Code):
+    step = step_classes()[0]
+    run = Seen(step, Path("/step"), (), ("/step/inputs/a", "/home/me/secret"), ())
+    found = list(not_covered(run, code.of(step), Libraries(Stamps())))
+    assert found == ["file /home/me/secret"]
+
+
 @pytest.mark.slow
 def test_these_runs_are_of_every_step(runs: list[Seen]):
     ran = {run.step.__module__ for run in runs}
