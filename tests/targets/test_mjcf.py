@@ -22,7 +22,6 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjcf.classes import shared_words
-from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import number
 
 MJCF = Mjcf(robot="robot")
@@ -75,24 +74,6 @@ def test_only_pairs_that_mujoco_does_not_filter_are_excluded(tmp_path: Path) -> 
     bolted = replace(floating, tree=replace(robot.tree, base="fixed"))
     text = (write_mjcf(bolted, tmp_path / "b") / "robot.xml").read_text()
     assert text.count("<exclude ") == 5
-
-
-# --- principal axes -------------------------------------------------------------------------
-
-
-def test_principal_moments_are_those_of_numpy() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(300):
-        spread = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-4, 2)
-        spread = spread @ spread.T
-        full = np.trace(spread) * np.eye(3) - spread
-        six = tuple(float(full[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
-        moments, quat = principal_inertia(six)
-        assert sorted(moments) == pytest.approx(np.linalg.eigvalsh(full), rel=1e-12)
-        turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, np.array(quat))
-        turn = turn.reshape(3, 3)
-        assert np.allclose(turn @ np.diag(moments) @ turn.T, full, rtol=0, atol=1e-14 * full.max())
 
 
 # --- default classes ------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics
-from random_robots import inertials, unit_vectors
 from robot_files import check_inputs, emit, run_step, write_robot_ports
 from tiny import (
     TinyRobot,
@@ -32,14 +31,12 @@ from tiny import (
 from assetbuild.errors import StepError
 from assetbuild.facts.readers._usd import UsdReader
 from assetbuild.findings import Finding
-from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Frame, Inertial, Joint, JointKind, Limits, Tree
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy, rotation_of
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.simulators.usd_names import usd_identifier, usd_identifiers
 from assetbuild.targets.usd import Usd
-from assetbuild.targets.usd.bodies import EDGE, principal_axes, within_float32
-from assetbuild.targets.usd.joints import joint_axis
+from assetbuild.targets.usd.bodies import EDGE, within_float32
 
 
 def build(robot: TinyRobot, folder: Path, name: str = "robot") -> tuple[Path, list[Finding]]:
@@ -142,12 +139,6 @@ def test_a_base_that_states_zeros_states_no_mass(moment: float, tmp_path: Path) 
     assert run_step(UsdReader(robot="robot"), inputs, tmp_path / "equal_out") == []
 
 
-@given(unit_vectors())
-def test_joint_axis_turns_the_token_onto_any_direction(axis: Vec3) -> None:
-    token, turn = joint_axis(axis)
-    assert rotation_of(turn) @ np.eye(3)["XYZ".index(token)] == pytest.approx(axis, abs=2e-9)
-
-
 ARC = 180.0 / math.pi
 """deg in one rad."""
 
@@ -208,20 +199,6 @@ def test_a_joint_that_no_articulation_holds_is_refused(kind: str, tmp_path: Path
     joint = replace(robot.tree.joints[0], kind=kind)
     with pytest.raises(StepError, match=f"`swing_joint` is {kind}"):
         build(replace(robot, tree=replace(robot.tree, joints=(joint,))), tmp_path)
-
-
-# --- inertia ------------------------------------------------------------------------------------
-
-
-@given(inertials().map(lambda inertial: inertial.inertia_com_kg_m2))
-def test_principal_axes_rebuild_the_tensor_and_are_right_handed(
-    tensor: tuple[float, float, float, float, float, float],
-) -> None:
-    moments, quat = principal_axes(tensor)
-    axes = rotation_of(quat)
-    matrix = matrix_of(tensor)
-    assert np.linalg.det(axes) == pytest.approx(1.0)
-    assert np.abs(axes @ np.diag(moments) @ axes.T - matrix).max() <= 1e-12 * np.abs(matrix).max()
 
 
 # --- names --------------------------------------------------------------------------------------
