@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import zipfile
+import shutil
 from pathlib import Path
 
 import pytest
-from robot_files import run_step
+from robot_files import edit, run_step
 from urdfs import joint, link, robot
 
 from assetbuild.cli.check import check
@@ -81,15 +81,23 @@ def test_a_diff_file_is_patches(tmp_path: Path):
         check(recipe(tmp_path, files, "{diff: fix.diff, because: a typo}"))
 
 
-def test_includes_of_a_xacro_and_of_an_mjcf_are_patched(tmp_path: Path):
+@pytest.mark.parametrize("archived", [False, True])
+def test_includes_of_a_xacro_are_patched(tmp_path: Path, archived: bool):
     parts = link("a") + link("b") + joint("j", "a", "b").replace("revolute", "hinge")
     files = {
-        "src/r.xacro": XACRO.format("<xacro:include filename='more.inc'/>"),
-        "src/more.inc": XACRO.format(parts),
+        "src/r.xacro": XACRO.format("<xacro:include filename='more.gazebo'/>"),
+        "src/more.gazebo": XACRO.format(parts),
+        "src/mesh.stl": "no xacro reads this",
     }
-    patch = '{file: more.inc, find: "hinge", replace: "revolute", because: no such type}'
-    findings = check(recipe(tmp_path, files, patch, main="xacro: r.xacro"))
-    assert "source.patch" in [f.rule for f in findings]
+    patch = '{file: more.gazebo, find: "hinge", replace: "revolute", because: no such type}'
+    path = recipe(tmp_path, files, patch, main="xacro: r.xacro")
+    if archived:
+        shutil.make_archive(str(tmp_path / "src"), "zip", tmp_path / "src")
+        edit(path, ("path: src", "path: src.zip"))
+    assert "source.patch" in [f.rule for f in check(path)]
+
+
+def test_includes_of_an_mjcf_are_patched(tmp_path: Path):
     files = {
         "src/r.xml": "<mujoco><include file='more.xml'/></mujoco>",
         "src/more.xml": "<mujoco><worldbody><body><geom type='ball' size='.1'/></body></worldbody>"
@@ -117,15 +125,3 @@ def test_a_patch_of_a_part_is_named_by_its_line(tmp_path: Path):
     with pytest.raises(AssetBuildError, match="occurs nowhere") as raised:
         check(path)
     assert raised.value.where.line == 10
-
-
-def test_a_xacro_in_an_archive_includes_and_is_patched_alike(tmp_path: Path):
-    parts = link("a") + link("b") + joint("j", "a", "b").replace("revolute", "hinge")
-    with zipfile.ZipFile(tmp_path / "src.zip", "w") as archive:
-        archive.writestr("r.xacro", XACRO.format("<xacro:include filename='more.gazebo'/>"))
-        archive.writestr("more.gazebo", XACRO.format(parts))
-        archive.writestr("mesh.stl", "no xacro reads this")
-    patch = '{file: more.gazebo, find: "hinge", replace: "revolute", because: no such type}'
-    path = recipe(tmp_path, {}, patch, main="xacro: r.xacro")
-    path.write_text(path.read_text().replace("path: src", "path: src.zip"))
-    assert "source.patch" in [f.rule for f in check(path)]
