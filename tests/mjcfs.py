@@ -105,6 +105,15 @@ def read(
     )
 
 
+def arm(joint: str = "", drive: str = "", *, geom: str = "", head: str = "", more: str = "") -> str:
+    """A pendulum of one joint `j` with attributes, driven by `drive`. more: sections."""
+    return f"""<mujoco><compiler angle="radian"/>{head}
+    <worldbody><body name="base"><geom size=".1"/><body name="a" pos="0 0 .3">
+    <joint name="j" axis="0 1 0" damping="1" {joint}/>
+    <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" {geom}/></body></body></worldbody>
+    <actuator>{drive}</actuator>{more}</mujoco>"""
+
+
 def hard_arm(folder: Path) -> Reading:
     classes = (ROBOTS / "hard_arm_classes.xml").read_text()
     return read((ROBOTS / "hard_arm.xml").read_text(), folder, hard_arm_classes_xml=classes)

@@ -9,17 +9,15 @@ from typing import Any
 import pytest
 import trimesh
 from proposals import proposed
+from tiny import flat_obj
 from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
 
-FLAT = trimesh.Trimesh(
-    [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]], process=False
-)
-PLATE, BOX = mesh("plate.stl"), box()
+PLATE, BOX = mesh("plate.obj"), box()
 
 
 def rules_of(folder: Path, *shapes: str) -> dict[str, dict[str, str]]:
     """`collision.links` of an arm whose last link has these shapes."""
-    FLAT.export(folder / "plate.stl")
+    (folder / "plate.obj").write_bytes(flat_obj())
     turns = joint("j", "world", "tip", axis="0 0 1")
     links = link("world", shape("collision", BOX)), link("tip", inertial(), *shapes)
     return dict(proposed(robot(*links, turns), folder).plain["collision"].get("links", {}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +14,7 @@ import commands
 import mujoco
 import pytest
 import urdfs
+from daes import CUBE, dae
 from proposals import proposed
 
 from assetbuild.cli.init import SCHEMA_FILE, write_schema
@@ -96,25 +98,14 @@ def test_the_source_is_relative_to_the_recipe_wherever_one_stands(
     assert (recipe.source.path, recipe.source.urdf) == ("..", "dog.urdf")
 
 
-ROD = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
- <asset><created>2024-01-01T00:00:00</created><modified>2024-01-01T00:00:00</modified>
-  <up_axis>Y_UP</up_axis></asset>
- <library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">
-  0 0 0 0 1 0 0.1 1 0.1</float_array><technique_common><accessor source="#a" count="3" stride="3">
-  <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
-  </accessor></technique_common></source>
-  <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-  <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
- </mesh></geometry></library_geometries>
- <library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node>
- </visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
-"""
+ROD = re.sub(r"(\S+) (\S+) (\S+)", r"0.\1 \2 0.\3", CUBE)
+"""Two bars, 1 m long along y; the middle of both is at x = 8.5 m."""
 
 
 @pytest.mark.parametrize("height", [0.5, None], ids=["mass up z", "mass up y"])
 def test_meshes_are_turned_where_the_mass_says_so(tmp_path: Path, height: float | None):
-    (tmp_path / "rod.dae").write_text(ROD)
-    solid = urdfs.inertial(xyz=f"0 0 {height}" if height else "0 0.5 0")
+    (tmp_path / "rod.dae").write_bytes(dae(ROD, unit="1", up="Y_UP"))
+    solid = urdfs.inertial(xyz=f"8.5 0 {height}" if height else "8.5 0.5 0")
     rod = urdfs.link("rod", solid, urdfs.shape("visual", urdfs.mesh("rod.dae")))
     source = proposed(urdfs.robot(rod), tmp_path).recipe.source
     assert source.honour_up_axis == ((".*",) if height else ())

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tiny import box_inertial
 
 from assetbuild.robot.inertia import pseudo_inertia
-from assetbuild.robot.model import Inertial
 from assetbuild.robot.randomize import deform, draw, homogeneous_box, inconsistent
 from assetbuild.robot.ranges import RandomMatter
 
@@ -18,9 +18,7 @@ def matter(density=(1.0, 1.0), com=0.0, stretch=0.0, shear=0.0):
 
 
 def box(mass=6.0, size=BOX, at=(0.1, 0.0, -0.02)):
-    x, y, z = size
-    xx, yy, zz = (mass / 12 * v for v in (y * y + z * z, x * x + z * z, x * x + y * y))
-    return Inertial(mass, at, (xx, yy, zz, 0, 0, 0))
+    return box_inertial(mass, size, at)
 
 
 def test_a_denser_body_scales_mass_and_inertia_alike():

@@ -7,18 +7,9 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import Written, compared, read, same_motion, usd_findings, write, written
+from mjcfs import Written, arm, compared, read, same_motion, usd_findings, write, written
 
 from assetbuild.robot.model import Actuator
-
-
-def arm(joint: str = "", drive: str = "", *, more: str = "") -> str:
-    """A pendulum of one joint `j` with attributes, driven by `drive`."""
-    return f"""<mujoco><compiler angle="radian"/><worldbody><body name="base"><geom size=".1"/>
-  <body name="a" pos="0 0 .3"><joint name="j" axis="0 1 0" damping="1" {joint}/>
-  <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/></body></body></worldbody>
-  <actuator>{drive}</actuator>{more}</mujoco>"""
-
 
 CAPPED = '<position name="j" joint="j" kp="200" kv="1" forcerange="-100 100"/>'
 OPEN = '<position name="j" joint="j" kp="100" kv="1"/>'

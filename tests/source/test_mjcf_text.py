@@ -9,7 +9,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import TET, compared, read, same_motion, write
+from mjcfs import TET, arm, compared, read, same_motion, write
 
 from assetbuild.cli import main
 from assetbuild.errors import SourceError
@@ -113,22 +113,13 @@ def test_copies_that_mujoco_refuses_are_refused_in_its_name(tmp_path: Path):
 # --- words that one version of MuJoCo knows ----------------------------------------------------
 
 
-def arm(joint: str = "", drive: str = "", geom: str = "", head: str = "") -> str:
-    return f"""<mujoco>
-<compiler angle="radian"/>{head}
-<worldbody><body name="base"><geom size=".1"/><body name="a" pos="0 0 .3">
-<joint name="j" axis="0 1 0" range="-1 1" {joint}/>
-<geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" {geom}/></body></body></worldbody>
-<actuator>{drive}</actuator></mujoco>"""
-
-
 NEWER = {
     "`springyield`": arm(joint='stiffness="3" springyield="1"'),
     "`castshadow`": arm(geom='castshadow="false"'),
     "`pid`": arm(drive='<pid name="m" joint="j" kp="3" ki="1"/>'),
-    '`integrator="discrete"`': arm(head='<option integrator="discrete"/>'),
-    "`inheritrange`": arm(drive='<general name="m" joint="j" inheritrange="1" biastype="affine" '
-                                'gainprm="2" biasprm="0 -2"/>'),
+    '`integrator="discrete"`': arm(head='\n<option integrator="discrete"/>'),
+    "`inheritrange`": arm('range="-1 1"', '<general name="m" joint="j" inheritrange="1" '
+                                          'biastype="affine" gainprm="2" biasprm="0 -2"/>'),
 }  # fmt: skip
 KNOWN = [
     '<motor name="m" joint="j" delay=".01" nsample="3"/>',
