@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -76,12 +77,15 @@ def soup(mesh: TriangleMesh) -> TriangleMesh:
     return TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
-def test_the_triangles_of_a_box_share_eight_vertices_and_close():
+@pytest.mark.parametrize("uv", [None, np.random.default_rng(0).random((12, 3, 2))])
+def test_the_triangles_of_a_box_share_eight_vertices_and_close(uv):
+    """Though a seam in the texture parts them."""
     box = tessellate(Box((1.0, 2.0, 3.0)))
-    welded = weld(soup(box))
+    welded = weld(replace(soup(box), uv=uv))
     assert len(welded.vertices) == 8
     assert welded.is_closed
     assert np.array_equal(welded.corners, box.corners)
+    assert welded.uv is uv
 
 
 def test_vertices_are_numbered_by_first_appearance_and_unused_ones_go():
@@ -110,14 +114,6 @@ def test_collapsed_and_repeated_faces_go_and_the_back_side_stays():
     assert drop_collapsed(mesh).faces.tolist() == faces[:3].tolist()
     assert drop_repeated(mesh).faces.tolist() == [[0, 1, 2], [2, 1, 0], [0, 1, 1]]
     assert len(cleaned(mesh).faces) == 2
-
-
-def test_a_seam_in_texture_does_not_split_the_surface():
-    box = soup(tessellate(Box((1.0, 1.0, 1.0))))
-    uv = np.random.default_rng(0).random((12, 3, 2))
-    welded = weld(TriangleMesh(box.vertices, box.faces, uv))
-    assert len(welded.vertices) == 8
-    assert np.array_equal(welded.uv, uv)
 
 
 def box(size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)) -> TriangleMesh:
