@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from assetbuild.init.anatomy import Anatomy, roles, study
 from assetbuild.init.look import look
 from assetbuild.init.source import find_source
 
+SIDES = ("fl", "hl", "fr", "hr")
 PLACES = ("0.12 0.12", "-0.12 0.12", "0.12 -0.12", "-0.12 -0.12")
 ENDLESS = '<limit effort="5" velocity="20"/>'
 BOUNDED = '<limit lower="-1" upper="1" effort="5" velocity="20"/>'
@@ -46,6 +48,18 @@ def pair(first: str, second: str, xyz: str, **how: str) -> str:
 
 
 WHEELS = pair("port", "starboard", "0 0.12 -0.03")
+
+
+ROD = '<box size="0.02 0.02 0.1"/>'
+
+
+def limb(names: Sequence[str], at: str, apart: float = 0.1, **how: str) -> str:
+    """Rods below one another on the trunk, each on a joint. apart: of their joints, m."""
+    above, parts = "trunk", ""
+    for name in names:
+        parts += body(name, ROD, f"0 0 {-apart / 2}") + spin(name, above, at, **how)
+        above, at = name, f"0 0 {-apart}"
+    return parts
 
 
 def seen(folder: Path, *parts: str) -> tuple[Anatomy, dict[str, str]]:
@@ -134,18 +148,11 @@ def test_rollers_of_an_omnidirectional_wheel_are_not_driven(tmp_path: Path):
 
 def test_a_leg_may_end_in_a_wheel_that_is_no_joint_of_the_leg(tmp_path: Path):
     """The wheels touch the ground at 0.2 + 0.2 + 0.05 m below the hips."""
-    rod = '<box size="0.02 0.02 0.2"/>'
     parts = [TRUNK]
-    for name, place in (
-        ("fl", "0.2 0.1"),
-        ("fr", "0.2 -0.1"),
-        ("hl", "-0.2 0.1"),
-        ("hr", "-0.2 -0.1"),
-    ):
-        parts += [body(f"{name}_a", rod, "0 0 -0.1"), body(f"{name}_b", rod, "0 0 -0.1")]
+    for name, place in zip(SIDES, PLACES, strict=True):
+        leg = (f"{name}_a", f"{name}_b")
+        parts.append(limb(leg, f"{place} 0", apart=0.2, kind="revolute", limit=BOUNDED))
         parts += [body(f"{name}_c", BALL), spin(f"{name}_c", f"{name}_b", "0 0 -0.2")]
-        parts.append(spin(f"{name}_a", "trunk", f"{place} 0", kind="revolute", limit=BOUNDED))
-        parts.append(spin(f"{name}_b", f"{name}_a", "0 0 -0.2", kind="revolute", limit=BOUNDED))
     anatomy, found = seen(tmp_path, *parts)
     assert [len(leg.joints) for leg in anatomy.legs] == [2] * 4
     assert {(leg.tip[3:], leg.foot[3:]) for leg in anatomy.legs} == {("b", "c")}
@@ -167,12 +174,9 @@ def test_a_dog_stands_on_four_limbs_but_no_hand_on_its_fingers(
     names: str, limit: str, axis: str, base: str, tmp_path: Path
 ):
     kind, parts = "revolute" if limit == BOUNDED else "continuous", [TRUNK]
-    for side, place in zip(("fl", "fr", "hl", "hr"), PLACES, strict=True):
-        above, at = "trunk", f"{place} 0"
-        for name in names.format(side, side, side).split():
-            parts += [body(name, '<box size="0.02 0.02 0.1"/>', "0 0 -0.05")]
-            parts += [spin(name, above, at, axis, kind, limit)]
-            above, at = name, "0 0 -0.1"
+    for side, place in zip(SIDES, PLACES, strict=True):
+        links = names.format(side, side, side).split()
+        parts.append(limb(links, f"{place} 0", axis=axis, kind=kind, limit=limit))
     parts += [body("left_arm", mass=0.1), spin("left_arm", "trunk", "0 0.2 0.1", limit=BOUNDED)]
     parts += [body("right_arm", mass=0.1), spin("right_arm", "trunk", "0 -0.2 0.1", limit=BOUNDED)]
     anatomy, found = seen(tmp_path, *parts)
@@ -280,12 +284,9 @@ def test_gears_and_rods_beside_a_leg_are_no_limbs(mass: float, stands: bool, tmp
 
 def test_a_spring_at_the_heel_of_a_leg_is_no_finger(tmp_path: Path):
     """By the leg's names, where nothing says that it is one: its linkage branches (Cassie)."""
-    above, parts = "trunk", [TRUNK]
-    for name in ("hip", "knee", "tarsus"):
-        parts += [body(name, xyz="0 0 -0.1"), spin(name, above, "0 0 -0.3", limit=BOUNDED)]
-        above = name
+    parts = [TRUNK, limb(("hip", "knee", "tarsus"), "0 0 -0.3", apart=0.3, limit=BOUNDED)]
     for name in ("heel_spring", "toe"):
-        parts += [body(name, mass=0.1), spin(name, above, "0.02 0 0", limit=BOUNDED)]
+        parts += [body(name, mass=0.1), spin(name, "tarsus", "0.02 0 0", limit=BOUNDED)]
     parts += [body("gripper", mass=0.1), spin("gripper", "trunk", "0.2 0 0", limit=BOUNDED)]
     _, found = seen(tmp_path, *parts)
     assert found["heel_spring"] == found["toe"] == "arm"

@@ -291,7 +291,8 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
         (robot('<body name="a">\n<geom size=".1" sise="3"/></body>'), "robot.xml:2: MuJoCo does not compile it: Schema violation: unrecognized attribute: 'sise'"),
         (robot('<body name="a"><geom size=".1" material="m"/></body>'), "hint: if another file includes this one and defines it"),
         (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
-        (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`"),
+        (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`\nhint: if another file includes this one"),
+        (robot('<body name="a"><geom apirate="9" size=".1"/></body>'), "no longer knows it"),
         (robot('<body name="nan">\n<geom size=".1" pos="0 nan 0"/></body>'), "robot.xml:2: <geom> `pos` is `0 nan 0`: not a number"),
         (robot(ARM, head='\n<option timestep="0"/>'), "robot.xml:2: a timestep of 0 s simulates nothing"),
         (robot(ARM, head='<option timestep="1e-9"/>'), "a timestep of 1e-09 s simulates nothing"),
@@ -313,16 +314,6 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
 )  # fmt: skip
 def test_what_cannot_be_read_is_one_error_with_its_line(text: str, message: str, tmp_path: Path):
     assert message in refused(text, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("attribute", "hint"),
-    [('class="no"', "if another file includes this one"), ('apirate="9"', "no longer knows it")],
-)
-def test_a_part_of_a_robot_and_a_text_of_an_older_mujoco_are_told_the_way_out(
-    attribute: str, hint: str, tmp_path: Path
-):
-    assert hint in refused(robot(f'<body><geom {attribute} size=".1"/></body>'), tmp_path)
 
 
 def test_what_is_left_out_is_told(arm: Reading):

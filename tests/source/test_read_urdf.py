@@ -153,7 +153,6 @@ BAD = {
     "no links": ('<robot name="r"/>', 1, "a robot without links"),
     "link twice": (robot('<link name="a"/>\n<link name="a"/>'), 3, "link `a` is defined twice, first on line 2"),
     "joint twice": (_arm(_joint() + "\n" + _joint()), 4, "joint `j` is defined twice"),
-    "material twice": (robot('<material name="m"><color rgba="1 0 0 1"/></material>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
     "no name": (robot("<link/>"), 2, "<link> without `name`"),
     "joint type": (_arm(_joint(kind="revolut")), 3, "hint: did you mean `revolute`?"),
     "no joint type": (_arm('<joint name="j"><parent link="a"/><child link="b"/></joint>'), 3, "joint j: <joint> without `type`\nhint: choose one: `"),

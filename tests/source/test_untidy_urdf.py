@@ -314,7 +314,6 @@ REFUSED = {
     "one material twice, in two colours": (robot(extra='<material name="a"><color rgba="1 0 0 1"/></material>\n<material name="a"><color rgba="0 0 1 1"/></material>'), 6, "material `a` is defined twice"),
     "a leftover of xacro": (robot(extra="<xacro:arm/>"), 5, "this is a xacro file: expand it first"),
     "an attribute twice": (robot(joint='<origin xyz="1 2 3" xyz="1 2 3"/>' + AXIS + LIMIT), 4, "not readable as XML"),
-    "a type in capitals": (robot(kind="Revolute"), 4, "did you mean `revolute`?"),
 }  # fmt: skip
 
 
