@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.draft import Draft
-from assetbuild.init.licence import stated_licence
 from assetbuild.init.sections import put_licence
 
 MIT = "MIT License\n\nPermission is hereby granted, free of charge, to any person obtaining a copy"
@@ -29,13 +28,47 @@ def lines(root: Path) -> str:
     return draft.text.strip()
 
 
-def test_the_text_nearest_to_the_robot_counts(robot: Path):
-    (robot / "LICENSE").write_text("Apache License\n   Version 2.0, January 2004")
-    assert "license: Apache-2.0   # as LICENSE says" in lines(robot)
-    (robot / "arm/LICENSE.txt").write_text(MIT)
-    assert "license: MIT   # as LICENSE.txt says" in lines(robot)
-    (robot / "arm/LICENSE.txt").write_text("Attribution-ShareAlike 4.0 International\n=====")
-    assert "license: CC-BY-SA-4.0   # as LICENSE.txt says" in lines(robot)
+def package(said: str) -> str:
+    return f"<package><license>{said}</license></package>"
+
+
+APACHE = "Apache License\n   Version 2.0, January 2004"
+SHARE_ALIKE = "Attribution-ShareAlike 4.0 International\n====="
+TODO = package("TODO: License declaration")
+UNKNOWN = "no file of the source states a known one"
+# Files of the source | what the recipe says of it.
+STATED = {
+    "a text at the root": ({"LICENSE": APACHE}, "Apache-2.0   # as LICENSE says"),
+    "the text nearest to the robot": (
+        {"LICENSE": APACHE, "arm/LICENSE.txt": MIT}, "MIT   # as LICENSE.txt says"),
+    "a licence for works": (
+        {"arm/LICENSE.txt": SHARE_ALIKE}, "CC-BY-SA-4.0   # as LICENSE.txt says"),
+    "Apache": ({"package.xml": package("Apache 2.0")}, "Apache-2.0   # as package.xml says"),
+    "BSD": ({"package.xml": package("BSD-3-Clause")}, "BSD-3-Clause   # as package.xml says"),
+    "MIT": ({"package.xml": package("MIT")}, "MIT   # as package.xml says"),
+    "a package that still says TODO": (
+        {"arm/package.xml": TODO, "LICENSE": MIT}, "MIT   # as LICENSE says"),
+}  # fmt: skip
+UNSTATED = {
+    "nothing": ({}, UNKNOWN),
+    "TODO": ({"arm/package.xml": TODO}, UNKNOWN),
+    "a name of several licences": ({"package.xml": package("BSD")}, "BSD"),
+    "no licence that is known": ({"package.xml": package("proprietary")}, "proprietary"),
+    "two": ({"package.xml": package("MIT</license><license>Apache-2.0")}, "MIT"),
+}
+
+
+@pytest.mark.parametrize("case", [*STATED, *UNSTATED])
+def test_a_licence_is_claimed_where_one_is_stated(case: str, robot: Path):
+    """Others are quoted, and nothing is there to uncomment."""
+    files, words = (STATED | UNSTATED)[case]
+    for name, text in files.items():
+        (robot / name).write_text(text)
+    said = lines(robot)
+    claimed = [line for line in said.splitlines() if line.strip().startswith("license:")]
+    assert words in ("".join(claimed) if case in STATED else said)
+    assert len(claimed) == (case in STATED)
+    assert case != "nothing" or "MIT" not in said
 
 
 def test_a_text_above_the_source_does_not_come_along_and_the_recipe_says_so(robot: Path):
@@ -44,39 +77,3 @@ def test_a_text_above_the_source_does_not_come_along_and_the_recipe_says_so(robo
     put_licence(draft, robot / "arm", "urdf/arm.urdf")
     (line,) = (line for line in draft.text.splitlines() if "license:" in line)
     assert line.endswith("as ../LICENSE says; only a copy below `path` comes into the bundle")
-
-
-@pytest.mark.parametrize(
-    ("said", "spdx"),
-    [("Apache 2.0", "Apache-2.0"), ("BSD-3-Clause", "BSD-3-Clause"), ("MIT", "MIT")],
-)
-def test_package_xml_states_it(robot: Path, said: str, spdx: str):
-    (robot / "package.xml").write_text(f"<package><license>{said}</license></package>")
-    assert f"license: {spdx}   # as package.xml says" in lines(robot)
-
-
-def test_a_package_that_still_says_todo_states_nothing(robot: Path):
-    text = "<package><license>TODO: License declaration</license></package>"
-    (robot / "arm/package.xml").write_text(text)
-    assert "no file of the source states a known one" in lines(robot)
-    (robot / "LICENSE").write_text(MIT)
-    assert "license: MIT   # as LICENSE says" in lines(robot)
-
-
-@pytest.mark.parametrize("said", ["BSD", "proprietary"])
-def test_words_that_name_no_one_licence_are_quoted_and_not_claimed(robot: Path, said: str):
-    (robot / "package.xml").write_text(f"<package><license>{said}</license></package>")
-    assert said in lines(robot)
-    assert not any(line.strip().startswith("license:") for line in lines(robot).splitlines())
-
-
-def test_a_source_that_states_none_gets_no_placeholder_to_uncomment(robot: Path):
-    assert "MIT" not in lines(robot)
-    assert "no file of the source states a known one" in lines(robot)
-
-
-def test_of_several_licences_none_is_claimed(robot: Path):
-    text = "<license>MIT</license><license>Apache-2.0</license>"
-    (robot / "package.xml").write_text(f"<package>{text}</package>")
-    stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"

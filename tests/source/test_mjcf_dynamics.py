@@ -43,10 +43,19 @@ def test_the_range_of_a_joint_s_force_is_its_effort_limit(drive: str, tmp_path: 
     assert not [text for text in told if "actuatorfrcrange" in text], "every format has it"
 
 
-def test_a_narrower_limit_of_the_drive_itself_stays_the_effort(tmp_path: Path):
-    text = arm(SEVEN, CAPPED.replace("100", "5"))
+@pytest.mark.parametrize(
+    ("joint", "drive", "effort"),
+    [
+        (SEVEN, CAPPED.replace("100", "5"), 5.0),
+        (f'{SEVEN} actuatorfrclimited="false"', OPEN, None),
+    ],
+)
+def test_a_narrower_limit_of_the_drive_wins_over_a_range_and_one_switched_off_is_none(
+    joint: str, drive: str, effort: float | None, tmp_path: Path
+):
+    text = arm(joint, drive)
     done = written(text, tmp_path)
-    assert drive_of(done).effort == 5.0
+    assert drive_of(done).effort == effort
     assert compared(done) == set()
     same_motion(text, done.xml, span=30.0)
 
@@ -170,11 +179,6 @@ def test_a_joint_without_stiffness_has_no_spring(joint: str, tmp_path: Path):
     done = written(arm(joint, OPEN), tmp_path)
     rules = {f.rule for f in (*done.findings, *usd_findings(done))}
     assert not rules & {"mjcf.spring", "usd.spring"}
-
-
-def test_a_range_that_is_switched_off_limits_nothing(tmp_path: Path):
-    done = written(arm(f'{SEVEN} actuatorfrclimited="false"', OPEN), tmp_path)
-    assert drive_of(done).effort is None
 
 
 def test_a_pose_of_the_recipe_keeps_how_the_source_holds_the_root(tmp_path: Path):
