@@ -7,12 +7,12 @@ the key, and the numbers of drives, or says why it cannot.
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mjcfs import read
 from robot_files import check_inputs, run_step, write_robot_ports
 from tiny import TinyRobot, tiny_quadruped, with_control
 
@@ -27,8 +27,6 @@ from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.sections import Simulation
 from assetbuild.robot.sides import Side
-from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
-from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
 
 from .conftest import OPTIONS, READERS
@@ -94,10 +92,14 @@ def test_the_target_writes_all_and_the_reader_of_mjcf_reads_them(tmp_path: Path)
     robot = with_other(tiny_quadruped(), *IN_MJCF)
     inputs = check_inputs(tmp_path / "written", robot, Mjcf(robot="robot"), "mjcf")
     assert run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "equal") == []
-    read = read_back(inputs / "mjcf", tmp_path).control
+    text = (inputs / "mjcf/robot.xml").read_text()
+    meshes = {
+        f"assets__{path.stem}_obj": path.read_bytes() for path in inputs.rglob("mjcf/*/*.obj")
+    }
+    back = read(text, tmp_path / "back", **meshes).control
     for section, _, name in (key.partition(".") for key in IN_MJCF):
         written = getattr(getattr(robot.control, section), name)
-        assert getattr(getattr(read, section), name) == pytest.approx(written), name
+        assert getattr(getattr(back, section), name) == pytest.approx(written), name
 
 
 @pytest.mark.parametrize("key", IN_MJCF)
@@ -154,13 +156,3 @@ def reference_of(folder: Path, robot: TinyRobot) -> Reference:
     """Feet have contacts of their own, which would hide the robot's."""
     ports = write_robot_ports(folder, with_control(robot, contacts=()))
     return Reference.of_ports(ports, OPTIONS)
-
-
-def read_back(mjcf: Path, folder: Path) -> SourceControl:
-    """What the reader of MJCF makes of our own file."""
-    flat = folder / "flat"
-    shutil.copytree(mjcf, folder / "in/tree")
-    run_step(FlattenMjcf(file="robot.xml"), folder / "in", flat)
-    shutil.copytree(mjcf, flat / "files")
-    run_step(ReadMjcf(base=None), flat, folder / "read")
-    return RobotFiles(folder / "read").source_control
