@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics
+from random_robots import unit_vectors
 from robot_files import check_inputs, emit, run_step, write_robot_ports
 from tiny import (
     TinyRobot,
@@ -37,6 +38,7 @@ from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes, Sp
 from assetbuild.simulators.usd_names import usd_identifier, usd_identifiers
 from assetbuild.targets.usd import Usd
 from assetbuild.targets.usd.bodies import EDGE, within_float32
+from assetbuild.targets.usd.joints import joint_axis
 
 
 def build(robot: TinyRobot, folder: Path, name: str = "robot") -> tuple[Path, list[Finding]]:
@@ -137,6 +139,12 @@ def test_a_base_that_states_zeros_states_no_mass(moment: float, tmp_path: Path) 
     assert [f.severity for f in findings if f.rule == "usd.mass_missing"] == ["info"]
     inputs = check_inputs(tmp_path / "equal", robot, Usd(robot="robot"), "usd")
     assert run_step(UsdReader(robot="robot"), inputs, tmp_path / "equal_out") == []
+
+
+@given(unit_vectors())
+def test_joint_axis_turns_the_token_onto_any_direction(axis: Vec3) -> None:
+    token, turn = joint_axis(axis)
+    assert rotation_of(turn) @ np.eye(3)["XYZ".index(token)] == pytest.approx(axis, abs=2e-9)
 
 
 ARC = 180.0 / math.pi
