@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from robot_files import run_step
+from robot_files import ranked, run_step
 from urdfs import read
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -56,10 +56,6 @@ def told(tree: Tree, control: Control | None = None) -> list[Finding]:
     return list(mirror_findings(twins(tree, control or Control()), Tolerances()))
 
 
-def rules(findings: list[Finding]) -> list[tuple[str, str]]:
-    return [(f.rule, f.severity) for f in findings]
-
-
 SLIP, OTHER = [("mirror.limits", "warning")], [("mirror.limits", "info")]
 
 
@@ -79,14 +75,14 @@ SLIP, OTHER = [("mirror.limits", "warning")], [("mirror.limits", "info")]
     ],
 )
 def test_ranges_belong_to_axes(left, right, ranges, expected):
-    assert rules(told(pair((left, right), ranges))) == expected
+    assert ranked(told(pair((left, right), ranges))) == expected
 
 
 def test_fingers_that_slide_apart_are_twins():
     """A slide is a true vector: +y on the left is -y on the right."""
     ranges = ((0.0, 0.04), (0.0, 0.04))
     assert told(pair((Y, MINUS_Y), ranges, kind="prismatic")) == []
-    assert rules(told(pair((Y, Y), ranges, kind="prismatic"))) == SLIP
+    assert ranked(told(pair((Y, Y), ranges, kind="prismatic"))) == SLIP
 
 
 @pytest.mark.parametrize(
@@ -101,7 +97,7 @@ def test_fingers_that_slide_apart_are_twins():
     ],
 )  # fmt: skip
 def test_mass_and_inertia_are_mirrored(right: Inertial, expected):
-    assert rules(told(pair(right=right))) == expected
+    assert ranked(told(pair(right=right))) == expected
 
 
 def control(home: tuple[float, float], *kps: float) -> Control:
@@ -120,7 +116,7 @@ def control(home: tuple[float, float], *kps: float) -> Control:
     ],
 )
 def test_the_first_pose_is_mirrored(home: tuple[float, float], expected):
-    assert rules(told(pair((X, X), (WIDE, WIDE)), control(home))) == expected
+    assert ranked(told(pair((X, X), (WIDE, WIDE)), control(home))) == expected
 
 
 @pytest.mark.parametrize(
@@ -133,7 +129,7 @@ def test_the_first_pose_is_mirrored(home: tuple[float, float], expected):
     ],
 )
 def test_drives_are_equal(kps: tuple[float, float], expected):
-    assert rules(told(pair(), control((0.0, 0.0), *kps))) == expected
+    assert ranked(told(pair(), control((0.0, 0.0), *kps))) == expected
 
 
 @pytest.mark.parametrize(
