@@ -154,11 +154,7 @@ def laid_out(inputs: Path, robot: TinyRobot, *written: tuple[Step, str]) -> Path
             for target, folder in written:
                 run_step(target, made, Path(name) / "outputs")
                 shutil.copytree(Path(name) / "outputs" / folder, made / folder)
-            _LAID_OUT[key] = {
-                path.relative_to(made): path.read_bytes()
-                for path in made.rglob("*")
-                if path.is_file()
-            }
+            _LAID_OUT[key] = contents(made)
     (inputs / "meshes").mkdir(parents=True, exist_ok=True)
     for path, data in _LAID_OUT[key].items():
         (inputs / path).parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +162,13 @@ def laid_out(inputs: Path, robot: TinyRobot, *written: tuple[Step, str]) -> Path
     return inputs
 
 
-_LAID_OUT: dict[bytes, dict[Path, bytes]] = {}
+_LAID_OUT: dict[bytes, dict[str, bytes]] = {}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """The files of a folder, by their paths in it."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def spoil_stage(path: Path, spoil: Callable[[Any], object]) -> None:

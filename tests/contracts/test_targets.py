@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_files import emit
+from robot_files import contents, emit
 from tiny import four_bar, tiny_quadruped
 
 from assetbuild.plugin_types import Target
@@ -13,14 +13,6 @@ from assetbuild.plugins import load_plugin, plugin_names
 
 TINY = {"quadruped": tiny_quadruped, "four_bar": four_bar}
 TARGETS = plugin_names(Target)
-
-
-def written(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
 
 
 @pytest.mark.parametrize("robot", TINY)
@@ -31,7 +23,7 @@ def test_two_runs_in_two_folders_write_the_same_bytes(name: str, robot: str, tmp
     runs = []
     for folder in ("a", "b/c"):
         emit(target, TINY[robot](), tmp_path / folder)
-        runs.append(written(tmp_path / folder / "out"))
+        runs.append(contents(tmp_path / folder / "out"))
         assert all(path.startswith(f"{name}/") for path in runs[-1])
     assert runs[0] == runs[1]
     assert runs[0]

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics
 from random_robots import unit_vectors
-from robot_files import check_inputs, emit, run_step, write_robot_ports
+from robot_files import check_inputs, contents, emit, run_step, write_robot_ports
 from tiny import (
     TinyRobot,
     box_inertial,
@@ -283,11 +283,6 @@ def test_a_body_without_mass_is_told(tmp_path: Path) -> None:
 # --- bytes --------------------------------------------------------------------------------------
 
 
-def written(folder: Path) -> dict[str, bytes]:
-    files = sorted(p for p in folder.rglob("*") if p.is_file())
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
-
-
 def test_files_say_nothing_of_the_machine_and_name_one_another_relatively(tmp_path: Path) -> None:
     usd, _ = build(tiny_quadruped(), tmp_path / "here")
     write_robot_ports(tmp_path / "in", tiny_quadruped())
@@ -303,8 +298,8 @@ def test_files_say_nothing_of_the_machine_and_name_one_another_relatively(tmp_pa
     environment |= {"USD_WRITE_NEW_USDC_FILES_AS_VERSION": "0.9.0"}
     command = [sys.executable, "-c", script, str(tmp_path)]
     subprocess.run(command, check=True, env=environment, timeout=120)
-    files = written(usd)
-    assert written(tmp_path / "out/usd") == files
+    files = contents(usd)
+    assert contents(tmp_path / "out/usd") == files
     for name in (name for name in files if name.endswith(".usda")):
         assert all(path.startswith(b"./") for path in re.findall(rb"@([^@]+)@", files[name]))
     assert files["payloads/geometries.usdc"][8:11] == b"\x00\x08\x00"  # what usd-core 24.5 reads
