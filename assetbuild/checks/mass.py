@@ -35,7 +35,7 @@ NEGLIGIBLE = 0.01
 SMALLEST_KG = 0.01
 """Lighter bodies are screws and sensors: nobody measures them."""
 OUTSIDE = 0.1
-"""Of a body's size: how far its centre of mass may lie outside of its geometry, warning."""
+"""Share of a body's size by which its centre of mass may lie outside of its geometry."""
 SLENDER = 2.5
 """Middle over least principal moment, of body and of hull, from which an axis is meant."""
 HEAVIEST_KG = 20e3

@@ -20,7 +20,7 @@ from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
 KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
-"""By the number of MuJoCo's geom type; a pair is named in this order."""
+"""Kinds of shape, in the order of MuJoCo's geom types; a pair is named in this order."""
 NOT_IN_MJX = frozenset(
     {("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"),
      ("hfield", "cylinder"), ("hfield", "ellipsoid")}

@@ -65,7 +65,7 @@ class _File:
 
 
 _FIRST_SEEN: dict[tuple[str, str], _File] = {}
-"""By name and path. A process keeps the code that it has loaded, so the digests stay as well."""
+"""(name, path) -> file. A process keeps the code that it has loaded, so the digests stay, too."""
 
 
 class Code:

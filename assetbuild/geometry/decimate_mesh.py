@@ -32,7 +32,7 @@ BOX = 0.005
 """No side of the box around it moves by more than this share of the diagonal: the tip of a
 propeller is less than 1 % of its surface, which samples miss."""
 DECIMALS = 7
-"""Of a metre: far below the error of decimation, and the text is half as long."""
+"""Decimals of a metre: far below the error of decimation, and the text is half as long."""
 
 DECIMATED = Rule(
     "visual.decimated",

@@ -27,7 +27,7 @@ POINTS = 2**14
 SAMPLES, COARSE = 4000, 800
 """Surface samples on each side, and of the pieces alone while their number is searched."""
 FILLING = 2**12
-"""As many of them tell a search what is inside."""
+"""Samples of the volume that tell a search what is inside."""
 ROOM = 0.03
 """Share of its extents by which the box of sampled volumes is wider than a mesh."""
 LEAST_INSIDE = 32

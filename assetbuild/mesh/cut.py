@@ -28,7 +28,7 @@ where most vertices near the best have their place: a face or an edge of a machi
 AHEAD = 8
 """Every so many samples of the surface are used where two cuts are tried at once."""
 SAME = 1e-6
-"""Of the diagonal: vertices that lie closer along an axis share a place."""
+"""Share of the diagonal: vertices that lie closer along an axis share a place."""
 DIRECTIONS = 1024
 """A ball's hull loses half a percent of its volume with so many."""
 PROMISE = 0.1

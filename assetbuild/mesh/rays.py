@@ -23,7 +23,7 @@ LEAST_CELLS, MOST_CELLS = 64, 1024
 CELLS = 4
 """For each ray, where there are more triangles: most of them then share a cell with no ray."""
 NEAR = 1e-6
-"""Of a cell: a triangle that comes this close is taken to be in it."""
+"""Share of a cell: a triangle that comes this close is taken to be in it."""
 AT_ONCE = 500_000
 """Pairs of a ray and a triangle that are looked at together; about 100 MB."""
 

@@ -19,7 +19,7 @@ from assetbuild.robot.shapes import Primitive
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
 """Directions of the parity test: skew, so that no ray runs along a wall."""
 SAME = 1e-5
-"""Of the diagonal: two surfaces that lie closer and face alike are one."""
+"""Share of the diagonal: two surfaces that lie closer and face alike are one."""
 
 
 Distance = Callable[[Array], Array]

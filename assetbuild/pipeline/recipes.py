@@ -86,7 +86,7 @@ class _Named:
     methods: tuple[str, ...]
     checks: tuple[str, ...]
     readers: tuple[str, ...]
-    """Return the checks and readers of other distributions; assetbuild's own always count."""
+    """Like `checks`, those of other distributions: assetbuild's own always count."""
 
 
 Said = Mapping[str, Any]

@@ -139,7 +139,7 @@ ROWS: Mapping[str, tuple[tuple[str, Vec3], ...]] = {
     "ball": (("x", X), ("y", Y), ("z", Z)),
     "floating": (("x", X), ("y", Y), ("z", Z), ("yaw", Z), ("pitch", Y), ("roll", X)),
 }
-"""By kind: what the joints are called and their axes, from the parent to the child."""
+"""Kind -> names and axes of the joints that replace it, from the parent to the child."""
 _ANGLES = frozenset({"yaw", "pitch", "roll"})
 
 

@@ -26,7 +26,7 @@ LARGEST_STEP = 0.3
 """rad or m: of one joint, in one step of the solver."""
 STEPS = 100
 DAMPING = 0.1
-"""Of a step, for each metre of gap: a chain stretched out towards a far point comes to rest."""
+"""Damping of a step for each metre of gap: a chain stretched towards a far point comes to rest."""
 BETTER, PATIENCE = 0.99, 8
 """A start is given up after so many steps that leave this share of the gap or more."""
 STARTS = 24

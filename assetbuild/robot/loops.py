@@ -17,7 +17,7 @@ from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
 from assetbuild.robot.tree import chain_to, link_names, link_placement
 
 AXIS = "_axis"
-"""Of the name of the second `connect` of a hinge."""
+"""Ending of the name of the second `connect` of a hinge."""
 HINGE_M = 0.1
 """From the one point of a hinge's axis that is held to the other."""
 HINT_SAME = "a loop closes a chain of joints: name two links with moving joints between them"

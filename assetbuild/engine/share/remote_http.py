@@ -29,7 +29,7 @@ SLOWEST = 128 << 10
 ANSWER_BYTES = 1 << 20
 """No answer to an upload is read further."""
 CONNECTIONS = 16
-"""As many are kept."""
+"""Connections that are kept for the next request."""
 ONCE_MORE = urllib3.Retry(
     connect=0, read=1, redirect=0, status=0, other=0, respect_retry_after_header=False
 )

@@ -25,7 +25,7 @@ TILTING = (LEVEL, (0.5, 0.0, 1.0), (2.0, 1.0, 1.0))
 """Seconds, and the slope at their start and end as a share of the angle: it stands on level ground,
 the ground tilts, and what swings comes to rest; then it is watched."""
 SHARE = 0.8
-"""Of the angle of friction, where nobody says how steep the slope is."""
+"""Share of the angle of friction by which the slope is steep, where nobody says."""
 SLOW = 0.001
 """m/s that feet may slide at, where nobody says."""
 LEAN = 0.4

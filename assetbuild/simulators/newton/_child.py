@@ -91,7 +91,7 @@ class World:
         self.speeds = {name: int(qd[i]) for name, i in rows.items()}
         self.bodies = {run["bodies"].get(p, p): i for i, p in enumerate(model.body_label)}
         self.first = {int(body): int(q[i]) for i, body in enumerate(model.joint_child.numpy())}
-        """Of each body, the place of its joint's first coordinate."""
+        """Body -> place of its joint's first coordinate."""
 
     def held(self) -> Any:
         """The solver's model."""

@@ -156,7 +156,7 @@ def apply_foreign(
 
 
 WORDS = {"physx": ("Physx", "physx"), "newton": ("Newton", "newton:"), "mujoco": ("Mjc", "mjc:")}
-"""By engine and layer: how its schemas and its properties start."""
+"""Engine, which is a layer -> how its schemas and its properties start."""
 
 
 def save_by_engine(stage: Usd.Stage, folder: Path, names: PrimPaths) -> None:
