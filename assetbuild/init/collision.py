@@ -69,10 +69,10 @@ def put_collision(
     if overlaps:
         lines.append("Hulls of these bodies overlap at home and push the robot over or askew. They")
         lines.append("pass through each other now; another pose of `home` may free them:")
-        lines += _named(overlaps)
+        lines += named(overlaps)
     if inside:
         lines.append("These bodies, or their hulls, lie in each other whatever the pose:")
-        lines += _named(inside)
+        lines += named(inside)
     if excluded := [*dict.fromkeys((*pairs, *overlaps, *inside))]:
         draft.put(excluded, "collision", "exclude", "pairs", above=lines)
 
@@ -87,7 +87,7 @@ def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
             draft.put(dict(rule), "collision", "links", pattern, above=above)
 
 
-def _named(depths: Mapping[Pair, float]) -> list[str]:
+def named(depths: Mapping[Pair, float]) -> list[str]:
     """Pairs of bodies and how deep they lie in each other, m."""
     return [f"{a} in {b}: {1e3 * depth:.3g} mm" for (a, b), depth in depths.items()]
 

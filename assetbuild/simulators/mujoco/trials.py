@@ -206,16 +206,19 @@ def overlaps_at_home(model: Model) -> Depths:
         return _largest_first(mujoco.overlaps(model, mujoco.at_key(model), "body", floor=True))
 
 
-def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str], float]:
-    """Depth (m) of the geoms of a scene in one another, and of a fixed robot's in its floor (""),
-    in a pose by joint name.
+def depths(
+    model: Model, positions: Mapping[str, float], kind: str = "geom"
+) -> dict[tuple[str, str], float]:
+    """Depth (m) of the geoms or bodies of a scene in one another, and of a fixed robot's in its
+    floor (""), in a pose by joint name; joints that the model does not name stay.
     """
     data = mujoco.at_key(model)
-    for name, value in positions.items():
-        data.qpos[int(model.joint(name).qposadr[0])] = value
+    for name, joint in mujoco.joints(model).items():
+        at = int(model.jnt_qposadr[joint])
+        data.qpos[at] = positions.get(name, data.qpos[at])
     mj.mj_fwdPosition(model, data)
     stands = not mujoco.floats(model)  # what floats is put on the floor
-    return mujoco.overlaps(model, data, "geom", floor=stands)
+    return mujoco.overlaps(model, data, kind, floor=stands)
 
 
 def _largest_first(values: Depths) -> Depths:
