@@ -13,6 +13,7 @@ from pathlib import Path
 from assetbuild.errors import MachineError, SourceError, UsageError, Where, quoted
 from assetbuild.init.anatomy import study
 from assetbuild.init.draft import Proposal
+from assetbuild.init.home import on_its_legs
 from assetbuild.init.look import judge, look
 from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_recipe
 from assetbuild.init.sections import recipe_name, urdf_recipe
@@ -55,7 +56,7 @@ def propose(
         return mjcf_recipe(mjcf, path)
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
-    anatomy = study(robot)
+    anatomy = on_its_legs(robot.tree, study(robot))
     robot = judge(robot, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     return urdf_recipe(robot, anatomy, source, path)

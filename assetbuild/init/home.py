@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.init.anatomy import ANKLE, Leg
+from assetbuild.init.anatomy import ANKLE, Anatomy, Leg
 from assetbuild.init.strength import bounds, gravity_loads, resting, sample_poses
 from assetbuild.init.wheels import bodies_below
 from assetbuild.robot.inertia import total_mass
@@ -29,6 +29,10 @@ CROUCH = 0.75
 """Height of the hips of a walker on four legs or more, as a share of the stretched legs'."""
 FOLDED = 0.25
 """Height of a hip at the zero pose, as a share of the leg's length, below which a leg is folded."""
+SPRAWLED = 0.5
+"""The height, and the least way from the hip to the side, of a leg that is drawn stretched out
+level: its foot comes down where it likes."""
+LEVEL_M = 0.01
 SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02
@@ -105,6 +109,19 @@ def home_pose(
 # --- legs -----------------------------------------------------------------------------------
 
 
+def on_its_legs(tree: Tree, anatomy: Anatomy) -> Anatomy:
+    """The anatomy, with legs by name as legs where a pose puts all their feet on one level below
+    their hips.
+    """
+    legs = anatomy.called_legs
+    at = forward_kinematics(tree, home_pose(tree, legs)) if legs else {}
+    feet = [(at[leg.tip] @ leg.X_tip_foot).xyz[2] for leg in legs]
+    hips = [at[leg.joints[0].child].xyz[2] for leg in legs]
+    if legs and max(feet) < min(LEVEL_M + min(feet), min(hips) - LEVEL_M):
+        return replace(anatomy, legs=legs)
+    return anatomy
+
+
 def _planted(
     tree: Tree,
     leg: Leg,
@@ -135,9 +152,13 @@ def _planted(
     hip_x = at_zero[(swing or leg.joints[0]).child].xyz[0]
     behind = swing is not None and straight.xyz[0] - hip_x < -BEHIND_M
     lower, upper = np.array([_room(joint) for joint in leg.joints]).T
-    bent = _bent(leg, at_zero, behind) if bends else [others[name] for name in names]
+    sprawls = _sprawls(leg, at_zero)
+    bent = [others[name] for name in names]
+    if bends and not sprawls:
+        bent = _bent(leg, at_zero, behind)
     start = np.clip(bent, lower, upper)
     drawn = (at_zero[leg.tip] @ X_tip_foot).xyz
+    sideways = 0.0 if sprawls else 10.0
     target = np.array([hip_x if bends else drawn[0], drawn[1], _floor(legs, at_zero, bends)])
     target += (*shift, 0.0)
     flat = len(leg.joints) >= ANKLE
@@ -145,7 +166,7 @@ def _planted(
     def residual(q: Array) -> Array:
         now = foot(q)
         turn = np.ravel(now.rotation - straight.rotation) if flat else np.zeros(0)
-        miss = 10.0 * (np.asarray(now.xyz) - target)
+        miss = (sideways, sideways, 10.0) * (np.asarray(now.xyz) - target)
         return np.concatenate([miss, 2.0 * turn, 0.02 * (q - start)])
 
     solved = least_squares(residual, start, bounds=(lower - 1e-9, upper + 1e-9)).x
@@ -166,8 +187,15 @@ def _floor(legs: tuple[Leg, ...], at_zero: Mapping[str, Pose], bends: bool) -> f
     for leg in legs:
         hip = at_zero[leg.joints[0].child].xyz[2]
         reach, length = hip - leg.X_root_foot.xyz[2], leg.length
-        heights.append(hip - share * (reach if reach > FOLDED * length else length))
+        high = SPRAWLED if _sprawls(leg, at_zero) else share
+        heights.append(hip - high * (reach if reach > FOLDED * length else length))
     return float(np.mean(heights))
+
+
+def _sprawls(leg: Leg, at_zero: Mapping[str, Pose]) -> bool:
+    hip, foot = at_zero[leg.joints[0].child].xyz, leg.X_root_foot.xyz
+    is_level = hip[2] - foot[2] <= FOLDED * leg.length
+    return is_level and math.dist(hip[:2], foot[:2]) > SPRAWLED * leg.length
 
 
 def _pitches(at_zero: Mapping[str, Pose], joint: Joint) -> float:

@@ -19,7 +19,7 @@ from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import hand_of, named, put_own_loops, put_pads, soles_of
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
-from assetbuild.init.home import DEEP_M, Pair, home_pose
+from assetbuild.init.home import DEEP_M, Pair, home_pose, on_its_legs
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import put_repairs, repairs
@@ -173,7 +173,7 @@ def _mended(
 def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     """The whole recipe, as it will lie at `path`."""
     robot, control = source.robot, source.control
-    anatomy = replace(study(robot), doubt="")  # the source says its base
+    anatomy = replace(on_its_legs(robot.tree, study(robot)), doubt="")  # the source says its base
     # A few springs help the drives of a robot; more move it, as a soft foot, unless it walks.
     alone = [joint for joint in robot.tree.moving_joints if joint.mimic is None]
     stated = joint_springs(control.mjcf_only)

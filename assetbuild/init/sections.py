@@ -256,7 +256,7 @@ def put_home(
     if not shown:
         draft.put({}, *keys, beside="all joints at 0, which the limits allow")
         return
-    lines = ["each foot below its hip, all at one height"] * bool(legged & shown.keys())
+    lines = ["all feet at one height, below their hips"] * bool(legged & shown.keys())
     others = [name for name in pose if name not in legged]
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
         lines.append(TURNED)

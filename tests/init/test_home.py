@@ -190,3 +190,39 @@ def test_a_biped_gets_gains_and_a_home_in_which_it_stands(
     text = proposed(biped(ahead, ankle, foot), tmp_path).text
     assert ("  stand: {keyframe: home" in text) is stands
     assert ("points that span no area" in text) is not stands
+
+
+def crawler(count: int, reach: float) -> str:
+    """A disc with legs of 0.2 and 0.2 m that lie level at the zero pose. reach: of the shank, m."""
+    parts = [link("trunk", 6, '<cylinder radius="0.15" length="0.06"/>')]
+    for leg in range(count):
+        turn = 2.0 * math.pi * (leg + 0.5) / count
+        x, y = math.cos(turn), math.sin(turn)
+        above = "trunk"
+        for part, out, axis, end in (
+            ("coxa", 0.15, "0 0 1", 0.0),
+            ("femur", 0.03, f"{-y} {x} 0", 0.0),
+            ("tibia", 0.2, f"{-y} {x} 0", reach),
+        ):
+            name, at = f"{part}_{leg}", f"{out * x} {out * y} 0"
+            parts.append(joint(name, above, name, at, axis))
+            parts.append(link(name, 0.2, '<sphere radius="0.02"/>', f"{end * x} {end * y} 0"))
+            above = name
+    return urdfs.robot(*parts)
+
+
+@pytest.mark.parametrize(("count", "reach"), [(6, 0.2), (4, -0.2)], ids=["sprawled", "folded"])
+def test_legs_that_lie_level_at_zero_are_set_on_their_feet(
+    count: int, reach: float, tmp_path: Path
+):
+    urdf = crawler(count, reach)
+    names = re.findall(r'joint name="(\w+)"', urdf)
+    made = proposed(urdf, tmp_path)
+    model = mujoco.MjModel.from_xml_string(urdf)
+    data = mujoco.MjData(model)
+    for name, value in home_of(made, names).items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_forward(model, data)
+    feet = [data.geom_xpos[model.body(n).geomadr[0]] for n in names if n.startswith("tibia")]
+    assert max(foot[2] for foot in feet) < min(foot[2] for foot in feet) + 0.002 < -0.15
+    assert made.plain["validate"]["stand"]["feet"]
