@@ -32,6 +32,8 @@ BALL = 3.0
 Rule = tuple[str, tuple[tuple[str, str], ...]]
 """The reason for a rule of the section, and the keys that it states."""
 
+CLOSE: Rule = ("What grips stays close to its mesh.", (("preset", "manipulation"),))
+
 
 def put_collision(
     draft: Draft,
@@ -40,11 +42,12 @@ def put_collision(
     pairs: Sequence[Pair],
     overlaps: Mapping[Pair, float],
     inside: Mapping[Pair, float],
+    hand: Sequence[str],
 ) -> None:
     """The whole section.
 
     pairs: see `compound_pairs`; overlaps: bodies whose hulls throw the robot over at home, and
-    depths, m; inside: bodies that lie in each other in every pose.
+    depths, m; inside: bodies that lie in each other in every pose; hand: links that grip.
     """
     origin, why = "visual", "the source has no collision shapes"
     if robot.shapes.of("collision"):
@@ -53,15 +56,12 @@ def put_collision(
         why = f"links that are drawn but collide with nothing, as in the source: {idle}"
         why = why if idle else "every link has some"
         origin = "collision"
-    close = anatomy.base == "fixed"
-    preset = "manipulation" if close else "locomotion"
-    how = "close to the mesh; `locomotion` is coarse and fast"
-    how = how if close else "coarse and fast; `manipulation` stays close to the mesh"
-    draft.put(preset, "collision", "preset", beside=how)
+    how = "coarse and fast; `manipulation` stays close to the mesh"
+    draft.put("locomotion", "collision", "preset", beside=how)
     auto = "auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
     rule = {"method": "auto", "from": origin}
     draft.put(rule, "collision", "default", beside=why, above=[auto])
-    _put_rules(draft, robot, anatomy)
+    _put_rules(draft, robot, anatomy, hand)
     joined = "bodies that a joint connects never collide"
     draft.put(True, "collision", "exclude", "adjacent", beside=joined)
     why = "Hulls overlap around joints that act as one (a hip, a wrist), and where links lie side"
@@ -77,9 +77,10 @@ def put_collision(
         draft.put(excluded, "collision", "exclude", "pairs", above=lines)
 
 
-def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
+def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy, hand: Sequence[str]) -> None:
     """Links with a rule of their own, one comment for each kind of it."""
-    rules = _rules(robot, anatomy)
+    close = () if anatomy.legs else hand  # what walks is seldom trained to grip
+    rules = dict.fromkeys(close, CLOSE) | _rules(robot, anatomy)
     for reason, rule in dict.fromkeys(rules.values()):
         links = [link for link, stated in rules.items() if stated == (reason, rule)]
         for number, pattern in enumerate(patterns_of(links, list(robot.links.by_body))):

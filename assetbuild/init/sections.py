@@ -101,11 +101,12 @@ def urdf_recipe(
     put_repairs(draft, robot, edits)
     note_loops(draft, robot.links)
     draft.put(20000, "visual", "max_faces", beside="finer meshes are thinned, each with a finding")
-    put_collision(draft, robot, anatomy, exclude.pairs, trial.overlaps, inside)
+    hand = hand_of(robot, anatomy, tuning.driven)
+    put_collision(draft, robot, anatomy, exclude.pairs, trial.overlaps, inside, hand)
     put_actuators(draft, tuning)
     put_home(draft, robot, anatomy, tuning.pose)
     _note_left(draft, left, {*trial.overlaps, *inside})
-    _put_simulation(draft, whole, anatomy, tuning)
+    _put_simulation(draft, whole, anatomy, tuning, hand)
     _put_variants(draft, robot, anatomy)
     return Proposal(path, draft.text, unmended, anatomy.doubt)
 
@@ -290,9 +291,10 @@ def _soles(robot: InspectedRobot, legs: Sequence[Leg]) -> str:
     return f"({'|'.join((first, *others))})" if others else first
 
 
-def _put_simulation(draft: Draft, robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning) -> None:
+def _put_simulation(
+    draft: Draft, robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning, hand: Sequence[str]
+) -> None:
     legs, tree = anatomy.legs, tuning.tree
-    hand = hand_of(robot, anatomy, tuning.driven)
     draft.put([0.8, 0.02, 0.01], "contact", "friction", beside="" if hand else "rubber on a floor")
     draft.put(3, "contact", "condim")
     put_pads(draft, robot, hand, tuning.timestep)

@@ -99,7 +99,7 @@ def test_links_that_one_drive_turns_side_by_side_do_not_collide(tmp_path: Path):
     assert ["left_outer", "right_outer"] not in pairs
 
 
-def test_what_a_finger_holds_by_a_fixed_joint_gets_its_surface(tmp_path: Path):
+def test_what_a_finger_holds_by_a_fixed_joint_gets_its_surface_and_shape(tmp_path: Path):
     """As in an OrcaHand, whose moving links have no geometry of their own."""
 
     def finger(name: str, y: str) -> str:
@@ -112,7 +112,10 @@ def test_what_a_finger_holds_by_a_fixed_joint_gets_its_surface(tmp_path: Path):
     light = inertial(0.02, tensor(1e-5, 1e-5, 1e-5))
     palm = link("palm", inertial(), shape("collision", BOX))
     hand = robot(palm, *(finger(f"finger_{n}", f"0.0{3 * n}") for n in range(1, 4)))
-    (pattern,) = proposed(hand, tmp_path).plain["contact"]["links"]
+    recipe = proposed(hand, tmp_path).plain
+    (pattern,) = recipe["contact"]["links"]
+    assert recipe["collision"]["preset"] == "locomotion"
+    assert recipe["collision"]["links"] == {pattern: {"preset": "manipulation"}}
     links = ["palm", *(f"finger_{n}_{part}" for n in range(1, 4) for part in ("body", "tip"))]
     named = [name for name in links if re.fullmatch(pattern, name)]
     assert named == ["palm", "finger_1_tip", "finger_2_tip", "finger_3_tip"]
