@@ -16,7 +16,7 @@ from typing import Any
 from assetbuild.facts.derived import SOLIMP, SOLREF
 from assetbuild.facts.reference import Reference, pose_value, robot_table, surface_facts
 from assetbuild.facts.table import Table, Value, pair_name, pair_of
-from assetbuild.robot.chains import Chain, axis_in_body, joint_rows
+from assetbuild.robot.chains import Chain, axis_in_body, is_massless, joint_rows
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import MOVING, Actuator, Control, General, Joint, Loop, Softness
@@ -61,7 +61,7 @@ def _structure(
             for name, facts in _joints(joint, X, {"body": body, "parent": row.parent}):
                 table.put("joint", name, facts)
     for link in tree.bodies:
-        if link.is_massless:
+        if is_massless(link):
             table.drop("body", link.name, "centre of mass", "inertia")
     if tree.base == "floating":
         first = reference.control.initial_keyframe

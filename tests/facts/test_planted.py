@@ -30,7 +30,7 @@ from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
 from assetbuild.plugin_types import Target
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Limits
+from assetbuild.robot.model import Body, Inertial, Joint, Limits
 from assetbuild.robot.shapes import Capsule, Shape
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
@@ -123,6 +123,18 @@ def test_a_joint_that_follows_or_that_the_recipe_leaves_out_is_not_planned(
     findings, figures = checked(xrdf_facts(options), inputs, tmp_path / "out")
     assert findings == []
     assert figures["facts"] > 0
+
+
+def test_a_body_that_resists_turning_though_it_has_no_mass_is_compared(tmp_path: Path):
+    """`mass="0" diaginertia="1e-4 1e-4 1e-4"`: MuJoCo takes the tensor, so it counts."""
+    robot = pendulum()
+    leg = Body("leg", Inertial(0.0, (0.0, 0.0, -0.05), (1e-4, 1e-4, 1e-4, 0.0, 0.0, 0.0)))
+    joint = Joint("held", "fixed", robot.tree.root, "leg")
+    tree = replace(robot.tree, bodies=(*robot.tree.bodies, leg), joints=(*robot.tree.joints, joint))
+    robot = replace(robot, tree=tree, links=tree)
+    assert check(robot, tmp_path / "same", "mjcf") == []
+    (found,) = check(robot, tmp_path / "turned", "mjcf", r'"0.0001 0.0001 0.0001"', '"1 1 1"')
+    assert (found.rule, found.subject) == ("equal.mjcf.inertia", "body leg")
 
 
 def test_a_ball_is_a_capsule_without_length(tmp_path: Path):
