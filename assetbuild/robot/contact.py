@@ -36,12 +36,14 @@ class Contact(Model):
     gap: NonNegative = Field(0.0, description="part of the margin without force, m")
     contype: int = Field(
         1,
-        ge=0,
+        ge=-(2**31),
         lt=2**31,
-        description="MuJoCo's contype: bits; two shapes may touch when one's contype meets the "
-        "other's conaffinity",
+        description="MuJoCo's contype: bits (-1: all); two shapes may touch when one's contype "
+        "meets the other's conaffinity",
     )
-    conaffinity: int = Field(1, ge=0, lt=2**31, description="MuJoCo's conaffinity: bits")
+    conaffinity: int = Field(
+        1, ge=-(2**31), lt=2**31, description="MuJoCo's conaffinity: bits (-1: all)"
+    )
 
     @model_validator(mode="after")
     def _signs(self) -> Self:

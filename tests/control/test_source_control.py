@@ -8,11 +8,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from mjcfs import Reading, Written, hard_arm, read, write
+from mjcfs import Reading, Written, compared, hard_arm, read, write
 from robot_files import run_step, write_robot_ports
 from tiny import box_inertial, pendulum, tiny_quadruped, with_drives
 
-from assetbuild.control.keep import KeepRatings
+from assetbuild.control.keep import KeepPose, KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Contact, Control, MjcfOnly
@@ -235,6 +235,22 @@ def test_a_strong_motor_gets_stiffer_limits_unless_the_source_has_its_own(
     control = replace(robot.control, mjcf_only=said)
     made = softened(robot.tree, control, (side,), LIMITS, COUPLINGS)
     assert [name for name, _ in made.soft_limits] == ["swing_joint"] * stiffer
+
+
+@pytest.mark.parametrize("mask", [-2, -(2**31), 2**31 - 1])
+def test_a_mask_of_all_bits_but_one_is_a_negative_number(mask: int, tmp_path: Path):
+    """`conaffinity="-2"`: the robot touches the floor and never itself."""
+    text = f"""<mujoco><worldbody><body name="base"><freejoint/><geom name="hull" size=".1"/>
+    <body name="leg" pos="0 0 -.3"><joint name="hip"/><geom name="foot" size=".1"
+    conaffinity="{mask}"/></body></body></worldbody></mujoco>"""
+    done = made(tmp_path, text)
+    assert mujoco.MjModel.from_xml_path(str(done.xml)).geom("foot").conaffinity == mask
+    assert compared(done) == set()
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/control.json").write_bytes(encode(done.control))
+    run_step(KeepPose(), tmp_path / "in", tmp_path / "kept")
+    seen = decode(Control, (tmp_path / "kept/control.json").read_bytes())
+    assert dict(seen.contacts)["foot"].conaffinity == mask
 
 
 def kept(folder: Path, control: Control) -> bytes:
