@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.checks.trials import START_M
-from assetbuild.control.close_loops import placed_loops
+from assetbuild.control.close_loops import closed_pose, placed_loops
 from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, StepError, Where
@@ -26,11 +26,12 @@ from assetbuild.init.repairs import put_repairs, repairs
 from assetbuild.init.sections import put_actuators, put_head, put_home, put_source, put_validation
 from assetbuild.init.strength import bounds, with_efforts
 from assetbuild.init.trial import Trial, Tuning, staged, tune
+from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import joints_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Joint, Keyframe, Tree
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
@@ -199,7 +200,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     pose = _pose(source, anatomy, tuning) if home is None else dict(home.joints)
     _put_collision(draft, robot, _inside(source, pose))
     _put_drives(draft, source, tuning)
-    trial, off_m = _stood(source, anatomy)
+    trial, off_m = _stood(source, anatomy, pose)
     if home is None:
         commanded = replace(robot, tree=_commanded(robot.tree, control))
         put_home(draft, commanded, anatomy, pose)
@@ -227,13 +228,23 @@ def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
 def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
     """The pose in which the drives were tried; of a source with drives, one for its limits.
 
-    Without the joints that loops move, which a build finds.
+    Without the joints that loops move, which a build finds; where drives of a loop would open it,
+    without any of its joints: it closes as it is drawn.
     """
     tree, control = source.robot.tree, source.control
     pose = tuning.pose if tuning else home_pose(_commanded(tree, control), anatomy.legs)
-    chain = joints_of(tree, placed_loops(tree, control.loops))
+    loops = placed_loops(tree, control.loops)
+    if not loops:
+        return pose
+    chain = joints_of(tree, loops)
     driven = {row.joint for row in control.actuators if row.model != "passive"}
-    return {name: q for name, q in pose.items() if name not in chain - driven}
+    stated = {name: q for name, q in pose.items() if name not in chain - driven}
+    values = tuple((joint.name, stated.get(joint.name, 0.0)) for joint in tree.moving_joints)
+    try:
+        closed_pose(tree, loops, Keyframe("home", values), stated, {}, ())
+    except RowError:
+        return {name: q for name, q in stated.items() if name not in chain}
+    return stated
 
 
 def _commanded(tree: Tree, control: Control) -> Tree:
@@ -354,7 +365,9 @@ def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None
             draft.put(tuning.timestep, "simulation", "timestep")
 
 
-def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
+def _stood(
+    source: MjcfSource, anatomy: Anatomy, pose: Mapping[str, float]
+) -> tuple[Trial | None, float]:
     """Whether legs whose drives hold them stand on the floor, and how far above it `home` is, m.
 
     The source's other keyframes are its own affair.
@@ -366,7 +379,6 @@ def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
     home = control.initial_keyframe
     if not legs or (named and "home" not in named) or not (has_drives or home):
         return None, 0.0
-    pose = dict(home.joints) if home else home_pose(robot.tree, legs)
     with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
         step = control.simulation.timestep
         trial = stage.attempt((), pose, step, driven_by=control) if has_drives else None

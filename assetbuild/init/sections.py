@@ -262,10 +262,12 @@ def put_home(
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
         lines.append(TURNED)
     lines.append("joints not named here are 0, which their limits allow")
+    # Of all joints: a pattern must not state those that loops move.
+    known = [joint.name for joint in tree.moving_joints if joint.mimic is None]
     joints = {
         pattern: value
         for value in dict.fromkeys(shown.values())
-        for pattern in patterns_of([n for n, v in shown.items() if v == value], list(pose))
+        for pattern in patterns_of([n for n, v in shown.items() if v == value], known)
     }
     draft.put(joints, *keys, above=lines)
 

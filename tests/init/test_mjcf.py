@@ -355,3 +355,26 @@ def test_a_hand_of_which_nothing_collides_gets_no_surfaces(tmp_path: Path):
     )
     assert "jaw" not in str(proposed(seen, tmp_path).recipe.contact.links)
     assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
+
+
+FOUR_BAR = """<mujoco><compiler angle="radian"/><worldbody><body name="frame"><geom size=".1"/>
+<body name="front" pos=".2 0 0"><joint name="front" axis="0 1 0" range="-1 1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02"/>
+  <body name="bar" pos="0 0 -.2"><joint name="bar" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 -.2 0 0" size=".02"/></body></body>
+<body name="back"><joint name="back" axis="0 1 0" range="-1 1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02"/></body>
+</body></worldbody><equality><connect body1="back" body2="bar" anchor="0 0 -.2"/></equality>
+<actuator><position joint="front" kp="5" kv=".5" ctrlrange=".2 .8"/>
+<position joint="back" kp="5" kv=".5" ctrlrange="{}"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("commands", "home"), [(".2 .8", {"(front|back)": 0.5}), ("-.8 .8", None), ("-.8 -.2", None)]
+)
+def test_drives_of_one_loop_that_would_open_it_start_as_it_is_drawn(
+    commands: str, home: dict[str, float] | None, tmp_path: Path
+):
+    """Exporters drive every joint, and the cranks of a parallelogram turn alike."""
+    stated = proposed(FOUR_BAR.format(commands), tmp_path).recipe.keyframes.get("home")
+    assert (stated and stated.joints) == home
