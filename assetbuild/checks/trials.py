@@ -316,8 +316,8 @@ class Trials(mujoco.InMujoco):
             if depth >= DEEP_M:
                 yield FLOOR(
                     f"link {body}",
-                    f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
-                    "simulators throw it off or jam it",
+                    f"starts {depth * 1e3:.3g} mm inside the floor (not ready above "
+                    f"{START_M * 1e3:g} mm): simulators throw it off or jam it",
                     data={"depth_m": depth, "limit_m": START_M},
                     blocks=depth > START_M,
                 )
