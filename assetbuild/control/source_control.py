@@ -90,10 +90,11 @@ def join(
     mjcf_only = tuple(of_same_effort(kept, source_control.by_joint, now))
     mjcf_only += tuple(commands_of(source, control.keyframes, stated.replaces, stated.has_table))
     sensors = [s for s in source_control.sensors if not _lost_bodies(s, tree, findings)]
+    excludes = _acting(source_control, tree, shapes)
     joined = replace(
         control,
         actuators=actuators,
-        excludes=tuple(sorted({*control.excludes, *_carried(source_control.excludes, tree)})),
+        excludes=tuple(sorted({*control.excludes, *_carried(excludes, tree)})),
         contact=contact,
         contacts=contacts,
         simulation=_simulation(control.simulation, source_control.simulation, stated.base),
@@ -105,7 +106,7 @@ def join(
     apart = {pair for pair in _carried(source.neighbours, tree) if not rule.passes(*pair)}
     joined = replace(joined, excludes=tuple(sorted({*joined.excludes, *apart})))
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
-    findings += wider_excludes(source_control.excludes, tree, shapes)
+    findings += wider_excludes(excludes, tree, shapes)
     return joined, findings
 
 
@@ -307,6 +308,15 @@ def _without_stated(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     if "cone" in keys and _attribute(item, "impratio") == "1":
         keys.append("impratio")
     return without(item, keys)
+
+
+def _acting(source: Control, tree: Tree, shapes: Shapes) -> list[tuple[str, str]]:
+    """The source's excludes but for those of a merged link without a shape, which keep nothing
+    apart: its body would pass through the other.
+    """
+    able = {shape.link for shape in shapes.of("collision")} | tree.by_body.keys()
+    able |= {item.owner for item in source.mjcf_only if item.place == "body"}
+    return [pair for pair in source.excludes if able.issuperset(pair)]
 
 
 def _carried(pairs: Iterable[tuple[str, str]], tree: Tree) -> Iterator[tuple[str, str]]:
