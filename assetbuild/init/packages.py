@@ -105,6 +105,8 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
         if holding:
             return Path(os.path.realpath(holding[0]))
     known = next(package_folders(name, file), [])
+    if len(known) == 1 and any(other_case(known[0], path) for path, _ in inside):
+        return Path(os.path.realpath(known[0]))  # the names are patched when the meshes are read
     if known:
         lack, hint = lacking(known[0], inside[0][0])
         hint = hint or f"add the file, or say where the package is: `--package {name}=FOLDER`"
@@ -115,6 +117,20 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
         f"`{uri}`: no folder above the URDF holds the package `{name}`",
         f"say where it is: `--package {name}=FOLDER`",
     )
+
+
+def other_case(root: Path, path: str) -> PurePosixPath | None:
+    """The one file of that name but for case and percent-encoding, below a root."""
+    paths = [PurePosixPath()]
+    for part in PurePosixPath(unquote(path)).parts:
+        paths = [
+            here / entry.name
+            for here in paths
+            if (root / here).is_dir()
+            for entry in (root / here).iterdir()
+            if entry.name.lower() == part.lower()
+        ]
+    return paths[0] if len(paths) == 1 else None
 
 
 def lacking(root: Path, path: str) -> tuple[str, str]:

@@ -12,7 +12,6 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.engine.world import World
@@ -29,6 +28,7 @@ from assetbuild.init.packages import (
     folders_inside,
     is_file,
     lacking,
+    other_case,
     packages_below,
     relative_start,
     renamings,
@@ -333,10 +333,10 @@ def _unnumbered(name: str) -> str:
 
 
 def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch]:
-    """A patch for each mesh that is there under one other name: see `_other_case`."""
+    """A patch for each mesh that is there under one other name: see `other_case`."""
     for mesh in meshes if source.recipe.urdf else ():
         stated = PurePosixPath(mesh["path"])
-        actual = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
+        actual = None if is_file(source.root / stated) else other_case(source.root, mesh["path"])
         if actual is not None:
             uri_parts = mesh["uri"].split("/")
             pairs = zip(reversed(stated.parts), reversed(uri_parts), strict=False)
@@ -344,17 +344,3 @@ def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Pat
             if same and actual.parts[:-same] == stated.parts[:-same]:
                 named = "/".join((*uri_parts[:-same], *actual.parts[-same:]))
                 yield from renamings(source.shown, source.data, mesh["uri"], named, CASE)
-
-
-def _other_case(root: Path, path: str) -> PurePosixPath | None:
-    """The one file of that name but for case and percent-encoding, below a root."""
-    paths = [PurePosixPath()]
-    for part in PurePosixPath(unquote(path)).parts:
-        paths = [
-            here / entry.name
-            for here in paths
-            if (root / here).is_dir()
-            for entry in (root / here).iterdir()
-            if entry.name.lower() == part.lower()
-        ]
-    return paths[0] if len(paths) == 1 else None

@@ -16,7 +16,7 @@ from assetbuild.cli.check import check
 from assetbuild.errors import SourceError, UsageError
 from assetbuild.findings import Finding
 from assetbuild.init import propose, write
-from assetbuild.init.source import find_source
+from assetbuild.init.source import CASE, find_source
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 OTHER = OBJ.replace("v 1 0 0", "v 2 0 0")
@@ -158,6 +158,13 @@ FOUND = {
         "arm/model/urdf/arm.urdf", arm("package://arm/meshes/a.obj"),
         {"arm/package.xml": "<name>arm</name>", "arm/model/meshes/a.obj": OBJ},
         {"packages": {"arm": "."}, "urdf": "urdf/arm.urdf"},
+    ),
+    "a package of which every file is called otherwise, as Windows does not mind": (
+        "rob/urdf/arm.urdf", arm("package://rob/meshes/VISUAL/b.OBJ"),
+        {"rob/package.xml": "<name>rob</name>", "rob/meshes/visual/b.obj": OBJ},
+        {"packages": {"rob": "."}, "patches": [{
+            "file": "urdf/arm.urdf", "find": '"package://rob/meshes/VISUAL/b.OBJ"',
+            "replace": '"package://rob/meshes/visual/b.obj"', "because": CASE}]},
     ),
     "a package of which nothing is read": (
         "arm/arm.xacro",
