@@ -14,14 +14,14 @@ from assetbuild.checks.trials import START_M
 from assetbuild.control.close_loops import closed_pose, placed_loops
 from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import scratch
-from assetbuild.errors import SourceError, StepError, Where
+from assetbuild.errors import SourceError, StepError, Where, quoted
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import hand_of, named, put_own_loops, put_pads, soles_of
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, Pair, home_pose, on_its_legs
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
-from assetbuild.init.packages import above, is_file
+from assetbuild.init.packages import above, is_file, lacking
 from assetbuild.init.repairs import put_repairs, repairs
 from assetbuild.init.sections import put_actuators, put_head, put_home, put_source, put_validation
 from assetbuild.init.strength import bounds, with_efforts
@@ -110,14 +110,17 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         body, newest = bodies[0] if bodies else None, float(NEWEST)
         ports.run(FlattenMjcf(file=name, body=body, grammar=newest))
         newer = newer_words_of(ports.read("source.xml"))
+        absent = []
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
             if mesh["path"].startswith(FOLDER):
                 path = ports.folder / "inline" / path.name
-            if not path.is_file():
-                where = Where(str(mesh["file"]), int(mesh["line"]))
-                raise SourceError(f"no file `{mesh['path']}`", where=where, hint=ABSENT)
-            ports.link(f"files/{mesh['path']}", path)
+            if path.is_file():
+                ports.link(f"files/{mesh['path']}", path)
+            else:
+                absent.append(mesh)
+        if absent:
+            raise _absent(root, absent)
         ports.run(ReadMjcf())
         read = RobotFiles(ports.folder)
         stated = read.source_control or SourceControl()
@@ -139,6 +142,18 @@ def robot_name(stated: str, file: Path) -> str:
         if not VAGUE.issuperset(word.lower() for word in words):
             return "_".join(words) if "scene" in name.lower() else name
     return stated
+
+
+def _absent(root: Path, meshes: Sequence[Mapping[str, str]]) -> SourceError:
+    """Of meshes that are not there: the first, how many more, and where one of its name is."""
+    first, others = meshes[0], [mesh["path"] for mesh in meshes[1:]]
+    more = f" (and {len(others)} more: {quoted(others, 3)})" if others else ""
+    _, meant = lacking(root, first["path"].lstrip("/"))
+    return SourceError(
+        f"no file `{first['path']}`{more}",
+        where=Where(first["file"], int(first["line"])),
+        hint=f"{meant} Correct `file` or `meshdir` in the MJCF" if meant else ABSENT,
+    )
 
 
 def _weak(robot: InspectedRobot) -> tuple[str, ...]:

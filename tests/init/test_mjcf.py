@@ -11,6 +11,7 @@ from mjcfs import ROBOTS, TET
 from proposals import proposed
 
 from assetbuild.cli.check import check
+from assetbuild.errors import SourceError
 from assetbuild.init.mjcf import robot_name
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
@@ -33,6 +34,19 @@ def test_it_is_known_by_its_root_element_whatever_its_name(name: str, tmp_path: 
     (tmp_path / "a.obj").write_text(TET)
     assert proposed(tmp_path / name, tmp_path).recipe.source.mjcf == name
     assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
+
+
+@pytest.mark.parametrize("folder", ["/home/author/robot", "parts"])
+def test_meshes_that_are_not_there_are_counted_and_sought(folder: str, tmp_path: Path):
+    """As where `meshdir` is a folder of the author's machine."""
+    text = LEG.replace("../meshes", folder).replace("<mesh ", '<mesh file="b.obj"/><mesh ')
+    (tmp_path / "leg.xml").write_text(text)
+    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad/a.obj").write_text(TET)
+    with pytest.raises(SourceError) as error:
+        proposed(tmp_path / "leg.xml", tmp_path)
+    assert error.value.message == f"no file `{folder}/a.obj` (and 1 more: `{folder}/b.obj`)"
+    assert error.value.hint == "is `cad/a.obj` meant? Correct `file` or `meshdir` in the MJCF"
 
 
 @pytest.mark.parametrize("name", ["scene", "scene_mjx"])

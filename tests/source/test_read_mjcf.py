@@ -283,6 +283,7 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
     ("text", "message"),
     [
         ("<robot/>", "robot.xml:1: the root element is <robot>, not <mujoco>\nhint: this is URDF: use `source.urdf`"),
+        ("<mujocoinclude/>", "<mujocoinclude>, not <mujoco>\nhint: this is a part of a model: give the file that includes it"),
         ("<mujoco/>", "robot.xml:1: an MJCF without <worldbody>"),
         ("<mujoco><worldbody>", "robot.xml:1: not readable as XML"),
         ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "a DOCTYPE is not allowed"),

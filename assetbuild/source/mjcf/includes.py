@@ -13,6 +13,12 @@ from assetbuild.findings import Finding
 from assetbuild.source.mjcf.text import AT, Element, error_at, where_of
 from assetbuild.source.urdf.xml import read_xml
 
+OTHERWISE = {
+    "robot": "this is URDF: use `source.urdf`",
+    "mujocoinclude": "this is a part of a model: give the file that includes it",
+}
+"""What the file is, by its root element."""
+
 
 class ListIncludes(Step):
     """Reads `tree/<path>`, as far as it is known; lists the other XML files that it names.
@@ -56,7 +62,7 @@ def expanded(file: str, tree: Path, asked: Element | None = None) -> Element:
     """
     root = _parsed(file, tree, asked)
     if root.tag != "mujoco":
-        hint = "this is URDF: use `source.urdf`" if root.tag == "robot" else "is this MJCF?"
+        hint = OTHERWISE.get(str(root.tag), "is this MJCF?")
         raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)
     seen = {file}
     while (include := next(root.iter("include"), None)) is not None:
