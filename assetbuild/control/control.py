@@ -181,7 +181,8 @@ class ControlStep(Step):
         actuators = self._resolved(tree, [*poses, *kept], loops)
         yield from row_findings(self.rows, tree, actuators)
 
-        ground, turn = Ground(tree, shapes, robot.mesh_dir), root_pose(said.mjcf_only).quat
+        ground = Ground(tree, shapes, robot.mesh_dir, said.mjcf_only)
+        turn = root_pose(said.mjcf_only).quat
         keyframes = []
         for before, pose in zip(stated, poses, strict=True):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)

@@ -7,9 +7,11 @@ whatever of it moves: see `robot.floor`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
@@ -17,6 +19,7 @@ from assetbuild.mesh.primitives import half_height
 from assetbuild.robot import model
 from assetbuild.robot.floor import BELOW_M, brings_floor, floor_of
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.mjcf_only import ellipsoids
 from assetbuild.robot.pose import Array, Pose, Quat
 from assetbuild.robot.sections import Keyframe
 from assetbuild.robot.shapes import Mesh, Shapes
@@ -50,8 +53,15 @@ REACHES_BELOW = Rule(
 class Ground:
     """The lowest collision point of the robot; mesh files are read once, when first needed."""
 
-    def __init__(self, tree: model.Tree, shapes: Shapes, mesh_dir: Path) -> None:
+    def __init__(
+        self,
+        tree: model.Tree,
+        shapes: Shapes,
+        mesh_dir: Path,
+        mjcf_only: Iterable[model.MjcfOnly] = (),
+    ) -> None:
         self._tree, self._shapes, self._mesh_dir = tree, shapes.of("collision"), mesh_dir
+        self._ellipsoids = tuple(ellipsoids(mjcf_only))
         self._files = {asset.name: asset.file for asset in shapes.meshes}
         self._vertices: dict[str, Array] = {}
 
@@ -72,6 +82,11 @@ class Ground:
                 bottom = float(X_world_shape.apply(self._mesh(geometry.mesh))[:, 2].min())
             else:
                 bottom = X_world_shape.xyz[2] - half_height(geometry, X_world_shape.rotation[2])
+            bottoms[body] = min(bottom, bottoms.get(body, bottom))
+        for link, X_link_ellipsoid, semi_axes_m in self._ellipsoids:
+            body, X_body_link = self._tree.placement(link)
+            X = X_world_root @ X_root_body[body] @ X_body_link @ X_link_ellipsoid
+            bottom = X.xyz[2] - float(np.linalg.norm(X.rotation[2] * semi_axes_m))
             bottoms[body] = min(bottom, bottoms.get(body, bottom))
         return bottoms
 

@@ -399,6 +399,7 @@ def _stood(
         trial = stage.attempt((), pose, step, driven_by=control) if has_drives else None
         if home is None or home.base is None or home.turns or control.loops:
             return trial, 0.0
-        ground = Ground(robot.tree, stage.shapes, stage.ports.folder / "meshes")
+        meshes = stage.ports.folder / "meshes"
+        ground = Ground(robot.tree, stage.shapes, meshes, control.mjcf_only)
         low = ground.lowest(pose, home.base.quat)
         return trial, 0.0 if low is None else home.base.xyz[2] + low

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
 from assetbuild.robot.model import Actuator, Control, MjcfOnly
-from assetbuild.robot.pose import IDENTITY, Pose, Quat, normalised_quat, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, normalised_quat, vec3
 
 Element = ElementTree.Element
 SPRING_WORDS = ("stiffness", "springref")
@@ -58,6 +58,15 @@ def _numbers(element: Element, key: str) -> list[float]:
 def _quat(numbers: Sequence[float]) -> Quat:
     w, x, y, z = numbers or IDENTITY.quat
     return normalised_quat((w, x, y, z))
+
+
+def ellipsoids(items: Iterable[MjcfOnly]) -> Iterator[tuple[str, Pose, Vec3]]:
+    """(link, X_link_ellipsoid, semi-axes in m) of each that collides; only MJCF has the shape."""
+    for geom, link in [(parsed(item), item.owner) for item in items if item.place == "body"]:
+        masks = [geom.get(mask, "1") for mask in ("contype", "conaffinity")]
+        if geom.get("type") == "ellipsoid" and masks != ["0", "0"]:
+            place = vec3(_numbers(geom, "pos") or (0.0, 0.0, 0.0))
+            yield link, Pose(place, _quat(_numbers(geom, "quat"))), vec3(_numbers(geom, "size"))
 
 
 def root_pose(items: Iterable[MjcfOnly], fixed: Pose = IDENTITY) -> Pose:

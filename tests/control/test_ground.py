@@ -10,6 +10,7 @@ from pathlib import Path
 import mujoco
 import pytest
 from control.test_control import FEET, TREE, recipe
+from mjcfs import written
 from robot_files import run_step, write_robot_ports
 from tiny import TinyRobot, box_inertial
 
@@ -55,6 +56,24 @@ def bolted(
     return TinyRobot(
         tree, tree, shapes, Control(keyframes=(Keyframe("home", (("hinge", turned),)),))
     )
+
+
+def test_a_robot_stands_on_an_ellipsoid_which_only_mjcf_has(tmp_path: Path):
+    text = """<mujoco><worldbody><body name="trunk"><freejoint/><geom size=".1"/>
+    <body name="leg" pos="0 0 -.1"><joint name="hip" axis="0 1 0"/><geom size=".05"/>
+    <body name="foot" pos="0 0 -.2"><geom name="foot" type="ellipsoid" size=".03 .02 .1"
+      pos=".1 0 0" euler="0 30 0"/>
+    <geom type="ellipsoid" size=".3 .3 .3" contype="0" conaffinity="0"/>
+    </body></body></body></worldbody></mujoco>"""
+    stands = {"home": {"base": "on_ground", "joints": {"hip": 0.4}}}
+    xml = written(text, tmp_path, keyframes=stands).xml
+    model = mujoco.MjModel.from_xml_path(str(xml.with_name("scene.xml")))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    (floor,) = (g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE)
+    gap_m = mujoco.mj_geomDistance(model, data, floor, model.geom("foot").id, 1.0, None)
+    assert gap_m == pytest.approx(0.0, abs=1e-6)
 
 
 ROD, SLAB, DISC = Capsule(0.02, 0.4), Box((0.4, 0.1, 0.02)), Cylinder(0.1, 0.1)
