@@ -81,7 +81,8 @@ UNSTABLE = Rule(
     "trials.unstable",
     "error",
     "after a drop the simulation went to infinity",
-    "a smaller timestep; look for tiny inertias and overlapping shapes",
+    "a smaller timestep, or `mjcf: {integrator: implicitfast}` where an MJCF says otherwise; look "
+    "for tiny inertias and overlapping shapes",
 )
 RESTLESS = Rule(
     "trials.rest",

@@ -22,7 +22,7 @@ from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, Pair, home_pose, on_its_legs
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file, lacking
-from assetbuild.init.repairs import put_repairs, repairs
+from assetbuild.init.repairs import Repair, put_repairs, repairs
 from assetbuild.init.sections import put_actuators, put_head, put_home, put_source, put_validation
 from assetbuild.init.strength import bounds, with_efforts
 from assetbuild.init.trial import Trial, Tuning, staged, tune
@@ -208,8 +208,9 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
         why = f"or {some(source.bodies[1:])}: one recipe builds one robot"
         draft.put(source.bodies[0], "source", "body", beside=why)
     draft.note(*_taken(source, len(anatomy.legs)), at=("taken",))
-    _put_solver(draft, source, anatomy, hand)
-    put_repairs(draft, robot, repairs(robot, usd=not (lost or springs)))
+    edits = repairs(robot, usd=not (lost or springs))
+    _put_solver(draft, source, anatomy, hand, edits)
+    put_repairs(draft, robot, edits)
     _put_merging(draft, source)
     home = control.initial_keyframe
     pose = _pose(source, anatomy, tuning) if home is None else dict(home.joints)
@@ -282,8 +283,16 @@ def _commanded(tree: Tree, control: Control) -> Tree:
     return replace(tree, joints=tuple(map(narrowed, tree.joints)))
 
 
-def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> None:
-    """Words that are refused without the key, and the cone of what grips or stands."""
+def _put_solver(
+    draft: Draft,
+    source: MjcfSource,
+    anatomy: Anatomy,
+    hand: Sequence[str],
+    edits: Sequence[Repair],
+) -> None:
+    """Words that are refused without the key, the cone of what grips or stands, and an integrator
+    for links to which an edit gives less inertia than the source.
+    """
     if source.newer:
         why = f"keeps {some(list(source.newer))}, which MuJoCo {OLDEST} does not know"
         draft.put(float(NEWEST), "mjcf", "grammar", beside=why)
@@ -292,6 +301,10 @@ def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequen
     if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
         draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone, {slips}")
+    lighter = any(repair.edit == "inertia_from_geometry" for repair in edits)
+    if lighter and 'integrator="Euler"' in option:
+        why = "with the source's Euler, drives throw off links that an edit gives less inertia"
+        draft.put("implicitfast", "mjcf", "integrator", beside=why)
     if hand and 'tolerance="1e-08"' in option:
         why = "with MuJoCo's default of 1e-8, light fingers of a heavy robot let go"
         draft.put(1e-12, "mjcf", "tolerance", beside=why)

@@ -287,6 +287,23 @@ def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
         assert (made.recipe.targets == ALL) == shares
 
 
+@pytest.mark.parametrize(("moment", "option", "proposed_too"), [
+    ("1e-2", "", True), ("1e-2", '<option integrator="implicit"/>', False), ("1e-5", "", False),
+])  # fmt: skip
+def test_a_wheel_whose_inertia_is_repaired_is_integrated_implicitly(
+    moment: str, option: str, proposed_too: bool, tmp_path: Path
+):
+    """Authors inflate an inertia until Euler bears the drive."""
+    wheel = f"""<body name="wheel" pos="0 0 -.1"><joint name="spin" axis="0 1 0"/><inertial
+    pos="0 0 0" mass=".05" diaginertia="{moment} {moment} {moment}"/><geom type="cylinder"
+    size=".023 .004" euler="1.57 0 0"/></body>"""
+    text = of_bodies(f'<body name="base"><freejoint/><geom size=".1"/>{wheel}</body>', option)
+    drive = '<actuator><velocity joint="spin" kv="1"/></actuator></mujoco>'
+    recipe = proposed(text.replace("</mujoco>", drive), tmp_path).recipe
+    assert bool(recipe.edits) == (moment == "1e-2")
+    assert ("integrator" in recipe.mjcf.model_fields_set) == proposed_too
+
+
 @pytest.mark.parametrize(
     ("stated", "file", "called"),
     [
