@@ -214,11 +214,11 @@ def common_folder(
     """
     begin = start or file.parent
     names = [uri for uri, _ in uses if ":" not in uri and not uri.startswith("/")]
-    highest = [_highest(begin, PurePosixPath(name)) for name in names]
-    return Path(os.path.commonpath([file.parent, begin, *folders, *highest]))
+    ways = [highest(begin, PurePosixPath(name)) for name in names]
+    return Path(os.path.commonpath([file.parent, begin, *folders, *ways]))
 
 
-def _highest(folder: Path, name: PurePosixPath) -> Path:
+def highest(folder: Path, name: PurePosixPath) -> Path:
     """The highest folder on the way: `../../pkg/a.stl` leaves `pkg` and comes back to it."""
     way = [folder]
     for part in name.parts:

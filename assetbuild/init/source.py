@@ -18,6 +18,7 @@ from assetbuild.engine.world import World
 from assetbuild.errors import SourceError, UsageError, Where, nearest, quoted
 from assetbuild.findings import Finding
 from assetbuild.init.packages import (
+    NEAR,
     above,
     absolute_folders,
     common_folder,
@@ -26,6 +27,8 @@ from assetbuild.init.packages import (
     find_package,
     find_packages,
     folders_inside,
+    highest,
+    in_repository,
     is_file,
     lacking,
     other_case,
@@ -128,6 +131,7 @@ MOST_TRIES = 60
 """Packages that are asked for, one after another."""
 
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
+_OUTSIDE = re.compile(r"wants to read `[^`]*?/tree/([^`]+)`")
 _MISSING = re.compile(r"no file `([^`]+)` among the readable files")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 
@@ -204,10 +208,18 @@ def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list
 
 
 def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) -> dict[str, Path]:
-    """The package that the file lies in, where it includes from there by a relative name."""
+    """The package that the file lies in, where it includes from there by a relative name.
+
+    Where no package.xml says so, it is the highest folder on the way, in the file's repository.
+    """
     if "readable files" not in error.message and "declared packages" not in error.message:
         return {}
     here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
+    if not name and (outside := _OUTSIDE.search(error.message)):
+        start = common_folder(file, folders.values(), [])
+        here = highest(start, PurePosixPath(outside[1]))
+        if is_file(start / outside[1]) and here in in_repository(above(file), NEAR):
+            name = here.name
     known = here in folders.values() or name in folders
     return {name: here} if name and not known else {}
 

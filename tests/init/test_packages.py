@@ -159,6 +159,17 @@ FOUND = {
         {"arm/package.xml": "<name>arm</name>", "arm/model/meshes/a.obj": OBJ},
         {"packages": {"arm": "."}, "urdf": "urdf/arm.urdf"},
     ),
+    "an include of a folder beside the file's, in no package": (
+        "arm/urdf/arm.xacro",
+        xacro("<xacro:property name='top' value='..'/>"
+              "<xacro:include filename='${top}/parts/b.xacro'/>"),
+        {"arm/parts/b.xacro": xacro(BODY)},
+        {"packages": {"arm": "."}, "xacro": "urdf/arm.xacro"},
+    ),
+    "an include that leaves the file's folder and comes back to it": (
+        "arm/urdf/arm.xacro", xacro("<xacro:include filename='../urdf/b.xacro'/>"),
+        {"arm/urdf/b.xacro": xacro(BODY)}, {"packages": {"arm": "."}, "xacro": "urdf/arm.xacro"},
+    ),
     "a package of which every file is called otherwise, as Windows does not mind": (
         "rob/urdf/arm.urdf", arm("package://rob/meshes/VISUAL/b.OBJ"),
         {"rob/package.xml": "<name>rob</name>", "rob/meshes/visual/b.obj": OBJ},
@@ -256,6 +267,10 @@ LOST = {
     "a package": (
         "rob/arm.urdf", solid("package://bob/meshes/a.obj"), ROB,
         ("no folder above", "the package `bob`"),
+    ),
+    "an include from outside of the repository": (
+        "arm.xacro", xacro("<xacro:include filename='../secret.xml'/>"), {"../secret.xml": "<a/>"},
+        ("outside the declared packages",),
     ),
     "a package to find": (
         "rob/arm.urdf", solid("$(find bob)/a.obj"), ROB, ("holds the package `bob`",),
