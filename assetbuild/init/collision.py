@@ -6,19 +6,25 @@ import itertools
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from assetbuild.checks.trials import START_M
+from assetbuild.errors import StepError
 from assetbuild.facts.derived import SOLIMP
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
 from assetbuild.init.look import InspectedRobot
 from assetbuild.robot.contact import Contact
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Mimic, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import trials as mujoco_trials
 
 COMPOUND = 0.15
 """Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
@@ -69,10 +75,10 @@ def put_collision(
     if overlaps:
         lines.append("Hulls of these bodies overlap at home and push the robot over or askew. They")
         lines.append("pass through each other now; another pose of `home` may free them:")
-        lines += named(overlaps)
+        lines += _named(overlaps)
     if inside:
         lines.append("These bodies, or their hulls, lie in each other whatever the pose:")
-        lines += named(inside)
+        lines += _named(inside)
     if excluded := [*dict.fromkeys((*pairs, *overlaps, *inside))]:
         draft.put(excluded, "collision", "exclude", "pairs", above=lines)
 
@@ -88,9 +94,41 @@ def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy, hand: Sequ
             draft.put(dict(rule), "collision", "links", pattern, above=above)
 
 
-def named(depths: Mapping[Pair, float]) -> list[str]:
+def _named(depths: Mapping[Pair, float]) -> list[str]:
     """Pairs of bodies and how deep they lie in each other, m."""
     return [f"{a} in {b}: {1e3 * depth:.3g} mm" for (a, b), depth in depths.items()]
+
+
+def put_own_shapes(draft: Draft, robot: InspectedRobot, inside: Mapping[Pair, float]) -> None:
+    """The section for an MJCF, which states its shapes. inside: see `lying_inside`."""
+    count = len(robot.shapes.of("collision"))
+    rule = (
+        {"method": "keep", "from": "collision"} if count else {"method": "auto", "from": "visual"}
+    )
+    why = f"its {count} shapes as they are" if count else "the source has no collision shapes"
+    draft.put(rule, "collision", "default", beside=why)
+    if inside:
+        lines = ["In the source these bodies lie in each other at home, so that MuJoCo throws them"]
+        lines += ["apart. They pass through each other now:", *_named(inside)]
+        draft.put([*inside], "collision", "exclude", "pairs", above=lines)
+
+
+def lying_inside(mjcf: Path, tree: Tree, pose: Mapping[str, float]) -> dict[Pair, float]:
+    """Bodies that lie in each other in a pose, as MuJoCo reads the source, and how deep, m.
+
+    Without those of two mechanisms: one may be there for the other to touch.
+    """
+    try:
+        model = mujoco.load(mjcf, visuals=False).model
+    except StepError:  # the build says what is wrong with it
+        return {}
+    depths = mujoco_trials.depths(model, with_mimics(tree, pose), "body")
+    ours = {*tree.by_body}
+
+    def is_one_mechanism(pair: Pair) -> bool:
+        return ours >= {*pair} and len({model.body(name).rootid.item() for name in pair}) == 1
+
+    return {p: depth for p, depth in depths.items() if depth > START_M and is_one_mechanism(p)}
 
 
 def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:

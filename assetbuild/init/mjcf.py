@@ -10,16 +10,22 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from assetbuild.checks.trials import START_M
 from assetbuild.control.close_loops import closed_pose, placed_loops
 from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import scratch
-from assetbuild.errors import SourceError, StepError, Where, quoted
+from assetbuild.errors import SourceError, Where, quoted
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import hand_of, named, put_own_loops, put_pads, soles_of
+from assetbuild.init.collision import (
+    hand_of,
+    lying_inside,
+    put_own_loops,
+    put_own_shapes,
+    put_pads,
+    soles_of,
+)
 from assetbuild.init.draft import Draft, Proposal, patterns_of, some
-from assetbuild.init.home import DEEP_M, Pair, home_pose, on_its_legs
+from assetbuild.init.home import DEEP_M, home_pose, on_its_legs
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, usual_targets
 from assetbuild.init.packages import above, is_file, lacking
 from assetbuild.init.repairs import Repair, put_repairs, repairs
@@ -29,11 +35,8 @@ from assetbuild.init.trial import Trial, Tuning, staged, tune
 from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import joints_of
-from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
 from assetbuild.robot.model import Control, Joint, Keyframe, Tree
-from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys
@@ -214,7 +217,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     _put_merging(draft, source)
     home = control.initial_keyframe
     pose = _pose(source, anatomy, tuning) if home is None else dict(home.joints)
-    _put_collision(draft, robot, _inside(source, pose))
+    inside = lying_inside(source.root / source.file, source.built.tree, pose)
+    put_own_shapes(draft, robot, inside)
     _put_drives(draft, source, tuning)
     trial, off_m = _stood(source, anatomy, pose)
     if home is None:
@@ -332,38 +336,6 @@ def _put_merging(draft: Draft, source: MjcfSource) -> None:
         names = list(source.robot.links.by_body)
         more = {"keep_bodies": patterns_of(kept, names)} if kept else {}
         draft.put({"merge": True, **more}, "fixed_joints", above=[why])
-
-
-def _put_collision(draft: Draft, robot: InspectedRobot, inside: Mapping[Pair, float]) -> None:
-    """The source's shapes. inside: bodies that lie in each other at home, and how deep, m."""
-    count = len(robot.shapes.of("collision"))
-    rule = (
-        {"method": "keep", "from": "collision"} if count else {"method": "auto", "from": "visual"}
-    )
-    why = f"its {count} shapes as they are" if count else "the source has no collision shapes"
-    draft.put(rule, "collision", "default", beside=why)
-    if inside:
-        lines = ["In the source these bodies lie in each other at home, so that MuJoCo throws them"]
-        lines += ["apart. They pass through each other now:", *named(inside)]
-        draft.put([*inside], "collision", "exclude", "pairs", above=lines)
-
-
-def _inside(source: MjcfSource, pose: Mapping[str, float]) -> dict[Pair, float]:
-    """Bodies that lie in each other in a pose, as MuJoCo reads the source, and how deep, m.
-
-    Without those of two mechanisms: one may be there for the other to touch.
-    """
-    try:
-        model = mujoco.load(source.root / source.file, visuals=False).model
-    except StepError:  # the build says what is wrong with it
-        return {}
-    depths = mujoco_trials.depths(model, with_mimics(source.robot.tree, pose), "body")
-    ours = {*source.built.tree.by_body}
-
-    def is_one_mechanism(pair: Pair) -> bool:
-        return ours >= {*pair} and len({model.body(name).rootid.item() for name in pair}) == 1
-
-    return {p: depth for p, depth in depths.items() if depth > START_M and is_one_mechanism(p)}
 
 
 def _driven(control: Control) -> list[str]:
