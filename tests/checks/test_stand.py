@@ -152,6 +152,8 @@ def stood(**values: object) -> Stood:
         # A base frame on the ground neither makes a fall nor hides one.
         ({"height_m": 0.0, "sag_m": 0.001}, "stands"),
         ({"height_m": 0.0, "com_sag_m": 0.3}, "falls"),
+        ({"com_sag_m": -0.4}, "stands"),
+        ({"com_sag_m": -0.6}, "falls"),  # thrown up
     ],
 )
 def test_what_a_robot_does_is_one_of_five_words(values: dict[str, object], word: str) -> None:

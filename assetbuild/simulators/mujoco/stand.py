@@ -70,9 +70,14 @@ def outcome(stood: Stand, fall: float) -> Outcome:
     # A base frame on the ground cannot sink, so the centre of mass counts besides.
     height = max(stood.height_m, stood.com_height_m)
     lower = stood.sag_m > fall * height or stood.com_sag_m > fall * stood.com_height_m
-    if lower or stood.tilt_rad > fall:
+    if lower or stood.tilt_rad > fall or _is_thrown(stood):
         return "falls"
     return "stands" if stood.driven else "rests"
+
+
+def _is_thrown(stood: Stand) -> bool:
+    """Whether it rose by more than its own height."""
+    return -stood.com_sag_m > max(stood.height_m, stood.com_height_m)
 
 
 def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
@@ -85,6 +90,7 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
         f"tilted by {stood.tilt_rad:.2g} rad"
     )
     why = "" if joint or not stood.driven else ", as no drive holds a position"
+    falls = "is thrown up" if _is_thrown(stood) else "falls"
     sentence = {
         ("unstable", stood.floats): f"the simulation became unstable within {seconds}",
         ("holds", False): f"holds {far}",
@@ -92,7 +98,7 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
         ("rests", False): "rests on its fixed base: no drive holds a position",
         ("stands", True): f"stands for {seconds}: {heights}",
         ("rests", True): f"rests for {seconds} without drives: {heights}",
-        ("falls", True): f"falls within {seconds}{why}: {heights}",
+        ("falls", True): f"{falls} within {seconds}{why}: {heights}",
     }[did, stood.floats]
     known = {"height_before_m": stood.height_m, "height_after_m": after}
     shown = known if stood.floats and stood.finite else {}
