@@ -72,9 +72,10 @@ def _print(done: Replayed, wish: Wish) -> None:
         print(f"  {engine}: {_sentence(engine, run)}")
     if done.diagnosis is not None:
         better = done.diagnosis.replay
-        print(f"  likely fault: {done.diagnosis.fault}")
+        word = "possible" if done.follows else "likely"
+        print(f"  {word} fault: {done.diagnosis.fault}")
         print(f"    with that put right: {_sentence('mujoco', better)}")
-    elif done.searched:
+    elif done.searched and not done.follows:
         print("  no single fault that is known here explains it")
 
 

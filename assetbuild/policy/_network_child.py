@@ -28,6 +28,8 @@ def main(path: str) -> None:
             "outputs": [(one.name, _shape(one)) for one in session.get_outputs()],
             "metadata": dict(session.get_modelmeta().custom_metadata_map),
         }
+        if not description["inputs"]:
+            raise ValueError("it takes no input")
     except Exception as error:  # whatever the library says is the answer
         description = {"error": " ".join(str(error).split())[:600]}
     answer.write(json.dumps(description) + "\n")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from assetbuild.errors import did_you_mean, quoted
 from assetbuild.findings import Finding, Rule
-from assetbuild.policy.deploy_yaml import FORM as DEPLOY
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import ByJoint, Policy
 from assetbuild.policy.terms import sees, unknown, width
@@ -80,7 +79,7 @@ QUATERNION = Rule(
 ENGINES = {"mujoco": "MuJoCo's", "isaaclab": "Isaac Lab's", "bus": "the motor bus's"}
 """Orders that differ from one another, as findings call them."""
 FEW = 1.0 / 3.0
-"""Up to this share of the joints, a difference is one of single joints."""
+"""Up to this share of the joints whose number is not 0, a difference is one of single joints."""
 SHOWN, MORE = 4, " and {} more"
 UNIT_SLIPS = {
     math.degrees(1.0): "57.3 times as large, as if it were in degrees",
@@ -138,6 +137,9 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     if silent:
         text = f"it does not state the gains of {quoted(silent, SHOWN, MORE)}: the bundle's hold"
         yield GAINS("policy", text, severity="info", data={"joints": tuple(silent)})
+    both = [name for name, kp in policy.kp.items() if kp and name in policy.kd]
+    if both and all(policy.kd[name] > abs(policy.kp[name]) for name in both):
+        yield GAINS("policy", "kd is above kp at every joint, as if they were exchanged")
     yield from _outside(policy, bot)
     quat = policy.start_quat
     if quat is not None and abs(quat[3]) > abs(quat[0]) and abs(quat[3]) > 1.0 - SLIP:
@@ -213,7 +215,7 @@ def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
     wanted = [known[policy.follows]] if policy.follows in known else [*known.values()]
     if not known or policy.joints in wanted:
         return
-    if policy.form == DEPLOY and not bot.states_bus:
+    if not policy.follows and not bot.states_bus:
         text = (
             "it counts motors of a bus whose order the bundle does not state: taken as the URDF's"
         )
@@ -243,11 +245,12 @@ def _column_findings(column: Column, policy: Policy, bot: Bot) -> Iterator[Findi
     if not differ:
         yield from _sides(column, policy, names)
         return
+    used = [name for name in names if column.values[name] or column.reference[name]]
     data = {"joints": tuple(differ)}
     message = _explained(column, names, differ, policy, bot)
     if message:
         yield column.rule("policy", message, severity="warning", data=data)
-    elif len(differ) <= max(1, FEW * len(names)) or not column.own_use:
+    elif len(differ) <= max(1, FEW * len(used)) or not column.own_use:
         text = "; ".join(_both(column, name) for name in differ[:SHOWN])
         more = f"; and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
         message = f"{column.what} differs from {column.against}: {text}{more}"

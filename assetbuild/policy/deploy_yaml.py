@@ -15,7 +15,6 @@ from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy, Term
 from assetbuild.robot.orders import BUS
 
-FORM = "deploy.yaml"
 DIGITS = (5e-3, 0.0)
 WORDS = {"keyboard_velocity_commands": "velocity_commands", "joint_vel": "joint_vel_rel"}
 """Its words for observations that are called otherwise in `terms`."""
@@ -39,7 +38,6 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
     observations = _observations(config)
     return Policy(
         file=path,
-        form=FORM,
         network=network,
         joints=joints,
         acts_on=acts_on,
@@ -83,11 +81,12 @@ def _action(config: Said) -> Said:
 
 def _clips(action: Said, joints: tuple[str, ...]) -> dict[str, tuple[float, float]]:
     stated = action.values.get("clip")
-    if not isinstance(stated, list):
+    if stated is None:
         return {}
-    if len(stated) != len(joints) or not all(isinstance(p, list) and len(p) == 2 for p in stated):
+    rows = stated if isinstance(stated, list) else [stated]
+    if len(rows) != len(joints) or not all(isinstance(p, list) and len(p) == 2 for p in rows):
         raise action.wrong("clip", f"expected a pair for each of {len(joints)} joints")
-    return {name: (float(a), float(b)) for name, (a, b) in zip(joints, stated, strict=True)}
+    return {name: (float(a), float(b)) for name, (a, b) in zip(joints, rows, strict=True)}
 
 
 def _observations(config: Said) -> Said:
@@ -108,15 +107,13 @@ def _terms(observations: Said, joints: tuple[str, ...]) -> Iterator[Term]:
         term = observations.at(name)
         params = term.at("params")
         term_joints = places(params.at("asset_cfg"), "joint_ids", joints)
-        clip = term.values.get("clip")
         function = WORDS.get(name, name)
-        scale = term.values.get("scale")
         yield Term(
             name,
             function,
             joints=term_joints if function.startswith("joint_") else (),
-            scale=term.numbers("scale", len(scale)) if isinstance(scale, list) else (1.0,),
-            clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
+            scale=term.scale(),
+            clip=term.clip(),
             history=int(term.number("history_length", 1.0)) or 1,
             params=numbers_of(params),
         )

@@ -20,6 +20,8 @@ from assetbuild.robot.twins import SIDES
 
 BETTER = 0.25
 """A hypothesis must raise the score by at least this much."""
+TIE = 0.1
+"""A later one must be better than an earlier one by this much."""
 SURE = 1.9
 """From this score on nothing further is tried."""
 FACTORS = (0.5, 2.0, 0.25, 4.0)
@@ -52,8 +54,8 @@ def diagnose(policy: Policy, bot: Bot, before: Replay, attempt: Try) -> Diagnosi
     for group in (_orders, _units, _tables, _poses, _terms, _signs, _neighbours):
         for text, undone in group(policy, bot):
             done = attempt(undone)
-            is_better = done.score > (best.replay.score if best else before.score + BETTER)
-            if done.follows and is_better:
+            limit = best.replay.score + TIE if best else before.score + BETTER
+            if done.follows and done.score > limit:
                 best = Diagnosis(text, done)
         if best is not None and best.replay.score >= SURE:
             return best

@@ -17,14 +17,8 @@ from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy, Term
 from assetbuild.robot.orders import breadth_first
 
-FORM = "Isaac Lab's env.yaml"
 WORDS = {"generated_commands": "velocity_commands", "joint_vel": "joint_vel_rel"}
 """Its functions that are called otherwise in `terms`."""
-OF_GROUP = frozenset(
-    ("concatenate_terms", "concatenate_dim", "enable_corruption", "history_length",
-     "flatten_history_dim")
-)  # fmt: skip
-"""Keys of a group of observations that are no terms."""
 
 
 def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
@@ -50,7 +44,6 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
     quat = start.values.get("rot")
     return Policy(
         file=path,
-        form=FORM,
         network=network,
         joints=joints,
         acts_on=acts_on,
@@ -124,21 +117,20 @@ def _terms(group: Said, joints: tuple[str, ...]) -> Iterator[Term]:
     common = group.values.get("history_length")
     for name in group.values:
         term = group.at(name)
-        if name in OF_GROUP or not term.values:
+        if not term.values:  # a switch of the group
             continue
         function = str(term.values.get("func", name)).rpartition(":")[2]
         function = WORDS.get(function, function)
         if term.values.get("modifiers"):
             raise term.wrong("modifiers", "observations that are modified cannot be replayed")
         term_joints = _named(term.at("params").at("asset_cfg"), joints)
-        scale, clip = term.values.get("scale"), term.values.get("clip")
         length = term.values.get("history_length") if common is None else common
         yield Term(
             name,
             function,
             joints=term_joints if function.startswith("joint_") else (),
-            scale=term.numbers("scale", len(scale) if isinstance(scale, list) else 1, 1.0),
-            clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
+            scale=term.scale(),
+            clip=term.clip(),
             history=int(length or 1),
             params=numbers_of(term.at("params")),
         )

@@ -13,7 +13,6 @@ from assetbuild.errors import UsageError
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy, Term
 
-FORM = "mjlab's metadata"
 DIGITS = (0.0, 5.0001e-4)
 WORDS = {
     "base_lin_vel": "imu_lin_vel",
@@ -22,6 +21,7 @@ WORDS = {
     "joint_vel": "joint_vel_rel",
     "actions": "last_action",
     "command": "velocity_commands",
+    "phase": "gait_phase",
 }
 """mjlab's names of observations -> those of `terms`; velocities come from sensors at the IMU."""
 EVERYTHING = (float("-inf"), float("inf"))
@@ -42,7 +42,6 @@ def read_metadata(path: Path, metadata: Mapping[str, str], bot: Bot) -> Policy:
     scale = _by_joint(path, metadata, "action_scale", acts_on)
     return Policy(
         file=path,
-        form=FORM,
         network=path,
         joints=joints,
         acts_on=acts_on,
@@ -83,8 +82,8 @@ def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> 
         for key in ("scale", "clip", "history_length", "flatten_history_dim")
     )
     for index, name in enumerate(names):
-        clip = _row(clips, index)
-        if flat[index : index + 1] == ["False"] and _number(histories, index, 0.0) > 1.0:
+        clip, history = _row(clips, index), int((_row(histories, index) or (1.0,))[0]) or 1
+        if flat[index : index + 1] == ["False"] and history > 1:
             raise UsageError(f"`{path.name}`: the history of `{name}` is not flattened")
         yield Term(
             name,
@@ -92,7 +91,7 @@ def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> 
             joints=joints if name in ("joint_pos", "joint_vel") else (),
             scale=_row(scales, index) or (1.0,),
             clip=(clip[0], clip[1]) if len(clip) == 2 and clip != EVERYTHING else None,
-            history=int(_number(histories, index, 1.0)) or 1,
+            history=history,
         )
 
 
@@ -102,7 +101,3 @@ def _row(words: list[str], index: int) -> tuple[float, ...]:
         return tuple(float(word) for word in words[index].split(";"))
     except (IndexError, ValueError):
         return ()
-
-
-def _number(words: list[str], index: int, default: float) -> float:
-    return (_row(words, index) or (default,))[0]

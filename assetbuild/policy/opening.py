@@ -8,20 +8,18 @@ import re
 from pathlib import Path
 
 from assetbuild.errors import UsageError
+from assetbuild.policy.compare import compare
 from assetbuild.policy.deploy_yaml import read_deploy
 from assetbuild.policy.isaaclab_yaml import read_env
 from assetbuild.policy.mjlab_onnx import read_metadata
 from assetbuild.policy.network import Network
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
-from assetbuild.policy.terms import sees
 
 READERS = {"deploy.yaml": read_deploy, "env.yaml": read_env}
 """Files that describe a policy, by name."""
 FOLDERS = (".", "params", "../params", "exported", "../exported")
 """Where they lie, from a policy's own folder; likewise its network."""
-
-
 BROKEN = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, re.error)
 """What a reader runs into where a file is not of its kind at all."""
 STEPS_S = (1e-4, 1.0)
@@ -85,23 +83,14 @@ def _read(path: Path, bot: Bot) -> Policy:
 
 def runnable(policy: Policy, bot: Bot) -> Network:
     """The network of a policy that can drive this robot. UsageError where it cannot."""
-    for term in policy.terms:
-        if why := bot.cannot_see(term):
-            raise UsageError(f"observation `{term.name}`: {why}")
-    strange = [name for name in policy.joints if name not in bot.tree.by_joint]
-    if strange:
-        raise UsageError(f"the robot has no joint `{strange[0]}`, which the policy drives")
     if policy.network is None:
         hint = "put `policy.onnx` beside it"
         raise UsageError(f"`{policy.file.name}` has no network to replay", hint=hint)
-    network, wrong = Network(policy.network), ""
-    if network.sees != sees(policy):
-        wrong = f"the network takes {network.sees} numbers, the observations are {sees(policy)}"
-    elif network.acts != len(policy.acts_on):
-        wrong = f"the network gives {network.acts} numbers, the actions are {len(policy.acts_on)}"
-    if wrong:
-        network.close()
-        raise UsageError(wrong, hint="`assetbuild policy check` says what the files describe")
+    network = Network(policy.network)
+    for finding in compare(policy, bot, (network.sees, network.acts)):
+        if finding.severity == "error":
+            network.close()
+            raise UsageError(f"{finding.subject}: {finding.message}", hint=finding.hint)
     return network
 
 

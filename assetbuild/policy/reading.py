@@ -71,19 +71,36 @@ class Said:
             raise self.wrong(key, f"expected {count} numbers, found {len(value)}")
         return tuple(map(float, value))
 
+    def scale(self) -> tuple[float, ...]:
+        """An observation's scale: one number, or one for each of its own."""
+        value = self.values.get("scale")
+        return self.numbers("scale", len(value) if isinstance(value, list) else 1, 1.0)
+
+    def clip(self) -> tuple[float, float] | None:
+        """An observation's (least, most); None where it is not clipped."""
+        value = self.values.get("clip")
+        if value is None:
+            return None
+        low, high = self.numbers("clip", 2) if isinstance(value, list) else (1.0, 0.0)
+        if not low <= high:
+            raise self.wrong("clip", f"expected the least and the most, found {_quoted(value)}")
+        return low, high
+
     def wrong(self, key: str, what: str) -> UsageError:
         """The error about a key."""
         return UsageError(f"{self._to(key)}: {what}", where=Where(self.file.name))
 
     def _to(self, key: str) -> str:
-        return f"{self.path}.{key}" if self.path else key
+        return ".".join(filter(None, (self.path, key)))
 
 
 def places(mapping: Said, key: str, names: Sequence[str]) -> tuple[str, ...]:
-    """The names at the places that a list states, each at most once; all without a list."""
+    """The names at the places that a list states, each at most once; all where it is a slice."""
     value = mapping.values.get(key)
-    if not isinstance(value, list) or None in value:
+    if value is None or value in ([None] * 3, "slice(None, None, None)"):
         return tuple(names)
+    if not isinstance(value, list) or not value:
+        raise mapping.wrong(key, f"expected places of joints, found {_quoted(value)}")
     for place in value:
         if isinstance(place, bool) or not isinstance(place, int) or not 0 <= place < len(names):
             raise mapping.wrong(key, f"{_quoted(place)} is no place among {len(names)} joints")

@@ -123,17 +123,16 @@ def replay(
     network.reset()
     first, track = world.seen(), list[tuple[Seen, tuple[float, float]]]()
     seen = first
-    while seen.time < seconds - step_s / 2.0 and not _fallen(seen, first):
+    while not (is_over := seen.time >= seconds - step_s / 2.0) and not _fallen(seen, first):
         now = Now(seen, np.asarray(command, dtype=float), action, policy.position, imu)
         action = network.act(observer.look(now))
         if not np.isfinite(action).all():
             break
         world.drive(_targets(policy, action), step_s)
         seen = replace(world.seen(), time=seen.time + step_s)
-        track.append((seen, world.strain()))
-    ended = (
-        seconds if seen.time >= seconds - step_s / 2.0 and not _fallen(seen, first) else seen.time
-    )
+        if _is_finite(seen):
+            track.append((seen, world.strain()))
+    ended = seconds if is_over and not _fallen(seen, first) else seen.time
     played = _replayed(track, first, tuple(command), seconds, ended)
     return replace(played, is_broken=not np.isfinite(action).all())
 
@@ -148,11 +147,13 @@ def _targets(policy: Policy, action: Array) -> dict[str, float]:
     return targets
 
 
+def _is_finite(seen: Seen) -> bool:
+    return bool(np.isfinite((*seen.place, *seen.quat, *seen.q.values())).all())
+
+
 def _fallen(seen: Seen, first: Seen) -> bool:
-    state = (*seen.place, *seen.quat, *seen.q.values())
-    if not np.isfinite(state).all():
-        return True
-    return _tilt(seen) > FALLEN_RAD or seen.place[2] < FALLEN_SHARE * first.place[2]
+    is_low = seen.place[2] < FALLEN_SHARE * first.place[2]
+    return not _is_finite(seen) or is_low or _tilt(seen) > FALLEN_RAD
 
 
 def _tilt(seen: Seen) -> float:

@@ -39,7 +39,6 @@ class Policy:
     """
 
     file: Path
-    form: str
     network: Path | None
     joints: tuple[str, ...]
     acts_on: tuple[str, ...]
@@ -61,4 +60,4 @@ class Policy:
     def same(self, one: float, other: float) -> bool:
         """Whether two numbers agree as far as the file prints them."""
         relative, absolute = self.digits
-        return abs(one - other) <= max(relative * max(abs(one), abs(other)), absolute, 1e-9)
+        return abs(one - other) <= max(relative * max(abs(one), abs(other)), absolute, 1e-6)

@@ -76,6 +76,8 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "kp of all joints is 57.3 times too small"),
     "half the damping": (
         "damping", times(0.5), "policy.gains", "kd of all joints is 0.5 times that of the bundle"),
+    "kp and kd": (
+        "stiffness", times(1e-3), "policy.gains", "kd is above kp at every joint"),
     "one gain": (
         "stiffness", put(7, 99.0), "policy.gains",
         "kp differs from the bundle: `RL_thigh_joint` 99, 45 of the bundle"),
@@ -126,6 +128,23 @@ def test_gains_of_one_s_own_are_no_fault(bot: Bot, tmp_path: Path):
     policy = policy_of(bot, tmp_path, "stiffness", lambda row: [30.0, 33.0, 37.0] * 4)
     told = [f for f in compare(policy, bot) if f.rule == "policy.gains"]
     assert [f.severity for f in told] == ["info"] and "kp of 12 of 12 joints" in told[0].message
+
+
+def test_a_pose_of_one_s_own_may_be_0_at_most_joints(bot: Bot, tmp_path: Path, monkeypatch):
+    """Bent knees against straight legs, as mjlab's G1 has them: all that differs, not a few."""
+    policy = policy_of(bot, tmp_path)
+    pose = {name: value if "calf" in name else 0.0 for name, value in policy.position.items()}
+    monkeypatch.setattr(Bot, "position", dict.fromkeys(pose, 0.0))
+    bent = replace(policy, position=pose, offset=pose)
+    told = [f for f in compare(bent, bot) if "of 12 joints" in f.message]
+    assert [f.severity for f in told] == ["info"], told
+
+
+def test_the_last_bits_of_a_number_are_no_difference(bot: Bot, tmp_path: Path):
+    policy = policy_of(bot, tmp_path)
+    offset = {name: value + 1e-7 for name, value in policy.offset.items()}
+    still = replace(policy, offset=offset, digits=(0.0, 0.0))
+    assert "policy.offset" not in {f.rule for f in compare(still, bot)}
 
 
 def test_what_the_network_takes_is_compared_with_the_observations(bot: Bot, tmp_path: Path):

@@ -81,8 +81,13 @@ def whole_numbers(path: Path) -> None:
     save(path, helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", *ends))
 
 
+def no_inputs(path: Path) -> None:
+    node = helper.make_node("Constant", [], ["y"], value_floats=[0.0, 0.0])
+    save(path, helper.make_graph([node], "p", [], [vector("y")]))
+
+
 @pytest.mark.parametrize(
-    "write", [garbage, strange_operator, circle, data_elsewhere, whole_numbers]
+    "write", [garbage, strange_operator, circle, data_elsewhere, whole_numbers, no_inputs]
 )
 def test_what_cannot_be_run_is_one_error_that_names_the_file(write, tmp_path: Path):
     (tmp_path / "p").mkdir()
@@ -145,7 +150,7 @@ def now(state: Seen, imu: tuple[np.ndarray, np.ndarray] | None = None) -> Now:
 
 def policy(*terms: Term, **more: object) -> Policy:
     zero = dict.fromkeys(JOINTS, 0.0)
-    return Policy(Path("p"), "test", None, JOINTS, JOINTS, zero, zero, zero, terms, 0.02, **more)
+    return Policy(Path("p"), None, JOINTS, JOINTS, zero, zero, zero, terms, 0.02, **more)
 
 
 AN_IMU = (np.diag((-1.0, -1.0, 1.0)), np.array((0.0, 0.0, 2.0)))

@@ -76,6 +76,13 @@ def test_deploy_yaml_counts_motors_on_the_bus(bot: Bot, tmp_path: Path):
     assert policy.step_s == bot.step_s and sees(policy) == 9 + 36
 
 
+def test_a_scale_may_be_one_number_of_a_whole_observation(bot: Bot, tmp_path: Path):
+    said = deployed(bot)
+    said["observations"]["joint_vel_rel"] |= {"scale": 0.05, "clip": [-100, 100]}
+    term = open_policy(write_policy(tmp_path, said), bot).terms[4]
+    assert (term.name, term.scale, term.clip) == ("joint_vel_rel", (0.05,), (-100.0, 100.0))
+
+
 def test_a_policy_is_found_by_its_folder_its_network_or_its_file(bot: Bot, tmp_path: Path):
     folder = tmp_path / "run"
     (folder / "params").mkdir(parents=True)
@@ -92,6 +99,24 @@ def test_a_policy_is_found_by_its_folder_its_network_or_its_file(bot: Bot, tmp_p
         ("joint_ids_map", [0, 1, 40], "`40` is no place among 12 joints"),
         ("joint_ids_map", [0, 0], "it names one place twice"),
         ("joint_ids_map", None, "joint_ids_map: it is missing"),
+        ("joint_ids_map", "all", "joint_ids_map: expected places of joints, found `all`"),
+        ("joint_ids_map", [], "joint_ids_map: expected places of joints, found `[]`"),
+        ("observations", {}, "observations: expected one group"),
+        (
+            "observations",
+            {"joint_vel_rel": {"params": {}, "scale": "1/20"}},
+            "observations.joint_vel_rel.scale: expected 1 numbers, found `1/20`",
+        ),
+        (
+            "observations",
+            {"joint_vel_rel": {"params": {}, "clip": [1.0, -1.0]}},
+            "clip: expected the least and the most, found `[1.0, -1.0]`",
+        ),
+        (
+            "actions",
+            {"JointPositionAction": {"clip": 100.0}},
+            "clip: expected a pair for each of 12 joints",
+        ),
         (
             "stiffness",
             [20.0],
@@ -190,6 +215,9 @@ def test_mjlab_s_metadata_name_the_joints(bot: Bot, tmp_path: Path):
     assert policy.joints == bot.orders["mujoco"] and policy.step_s is None and sees(policy) == 48
     assert policy.terms[0].function == "imu_lin_vel" and policy.terms[4].scale == (0.05,)
     assert policy.terms[6].scale == (2.0, 2.0, 0.25) and policy.terms[6].clip is None
+    said = metadata(bot) | {"observation_names": "phase"}
+    (phase,) = open_policy(described(tmp_path / "policy.onnx", said), bot).terms
+    assert bot.cannot_see(phase) == "the period of its gait is not stated"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import shutil
@@ -21,18 +22,25 @@ from tiny import tiny_quadruped
 from assetbuild.checks._newton import NewtonOrders
 from assetbuild.checks._physx import PhysxOrders
 from assetbuild.cli import main
-from assetbuild.cli.policy import Replayed, Wish, draw_replays, replay_policy
+from assetbuild.cli.policy import Replayed, Wish, _print, draw_replays, replay_policy
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.policy.counting import OrdersCheck
+from assetbuild.policy.diagnose import Diagnosis, diagnose
+from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.in_stages import unavailable_reason
-from assetbuild.policy.replay import Replay
+from assetbuild.policy.opening import open_policy, runnable
+from assetbuild.policy.replay import Replay, replay
 from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import Policy
 from assetbuild.rendering.plan import renderer
 from assetbuild.simulators.newton import HOME
 from assetbuild.targets.usd import Usd
 
 STAND = Wish(command=(0.0, 0.0, 0.0), seconds=2.0)
+STILL = (0.0, 0.0, 0.0)
+RUN = Replay(STILL, 2.0, 2.0, (0.0, 0.0), STILL, 0.0, 0.3, None, None)
+"""A robot that stands."""
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +73,42 @@ def test_what_leans_far_does_not_stand(tilt: float, verdict: str):
     still = (0.0, 0.0, 0.0)
     run = Replay(still, 1.0, 1.0, (0.0, 0.0), still, tilt, 0.3, None, None)
     assert run.verdict == verdict and run.follows == (verdict == "stands")
+
+
+def test_a_simulation_that_breaks_is_a_fall_with_figures(bot: Bot, tmp_path: Path):
+    """Of the last state that is finite."""
+
+    class Breaking(InMujoco):
+        def drive(self, targets, seconds: float) -> None:
+            super().drive(targets, seconds)
+            self.data.xpos[1] = np.nan if self.data.time > 0.5 else self.data.xpos[1]
+
+    policy = open_policy(write_policy(tmp_path, deployed(bot)), bot)
+    with runnable(policy, bot) as network:
+        run = replay(policy, bot, network, Breaking(bot, policy), (0.0, 0.0, 0.0), 2.0)
+    assert run.fell and run.seconds == pytest.approx(0.5, abs=0.03)
+    assert np.isfinite((*run.moved, *run.velocity, run.tilt, run.height)).all()
+
+
+def test_of_faults_that_explain_it_alike_the_first_is_named(bot: Bot, tmp_path: Path):
+    policy = open_policy(write_policy(tmp_path, deployed(bot)), bot)
+    fallen = replace(RUN, seconds=1.0)
+    speeds = itertools.chain((0.06, 0.05), itertools.repeat(0.04))
+
+    def attempt(_: Policy) -> Replay:
+        return replace(RUN, velocity=(next(speeds), 0.0, 0.0))
+
+    found = diagnose(policy, bot, fallen, attempt)
+    assert found is not None and found.replay.velocity[0] == 0.06
+
+
+def test_a_fault_of_a_robot_that_walks_is_only_possible(bot: Bot, tmp_path: Path, capsys):
+    policy = open_policy(write_policy(tmp_path, deployed(bot)), bot)
+    done = Replayed(policy, {"mujoco": RUN}, None, True)
+    _print(done, STAND)
+    assert "fault that is known" not in capsys.readouterr().out
+    _print(replace(done, diagnosis=Diagnosis("its gains", RUN)), STAND)
+    assert "possible fault: its gains" in capsys.readouterr().out
 
 
 def other_order(said: dict[str, Any]) -> None:
@@ -128,8 +172,12 @@ def test_the_command_line_says_it_in_words_and_as_data(bot: Bot, tmp_path: Path,
         (lambda said: said.update(step_dt=0.0133), "acts every 13.3 ms"),
         (lambda said: said["observations"].update(height_scan={"params": {}, "scale": [1.0]}),
          "`height_scan`"),
+        (lambda said: said["observations"]["joint_vel_rel"].update(scale=[1.0] * 3),
+         "joint_vel_rel: 3 scales for 12 numbers"),
+        (lambda said: said["observations"].pop("last_action"), "takes 45 numbers"),
     ],
-    ids=["a rhythm that the simulation does not meet", "an observation that nobody knows"],
+    ids=["a rhythm that the simulation does not meet", "an observation that nobody knows",
+         "scales of other joints", "an observation that is missing"],
 )  # fmt: skip
 def test_what_cannot_be_replayed_is_refused(
     spoil: Callable[[dict[str, Any]], object], said: str, bot: Bot, tmp_path: Path, capsys
