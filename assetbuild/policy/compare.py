@@ -137,8 +137,7 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     if silent:
         text = f"it does not state the gains of {quoted(silent, SHOWN, MORE)}: the bundle's hold"
         yield GAINS("policy", text, severity="info", data={"joints": tuple(silent)})
-    both = [name for name, kp in policy.kp.items() if kp and name in policy.kd]
-    if both and all(policy.kd[name] > abs(policy.kp[name]) for name in both):
+    if policy.kp and all(policy.kd.get(name, 0.0) > abs(kp) for name, kp in policy.kp.items()):
         yield GAINS("policy", "kd is above kp at every joint, as if they were exchanged")
     yield from _outside(policy, bot)
     quat = policy.start_quat
@@ -181,6 +180,9 @@ def _terms(policy: Policy, bot: Bot) -> Iterator[Finding]:
         elif len(term.scale) not in (1, width(term, policy)):
             text = f"{len(term.scale)} scales for {width(term, policy)} numbers"
             yield SHAPE(f"observation {term.name}", text)
+        elif min(term.scale) <= 0.0:
+            text = f"its scale is {min(term.scale):g}: seen with the other sign, or not at all"
+            yield SCALE(f"observation {term.name}", text)
 
 
 def _shape(policy: Policy, network: tuple[int, int]) -> Iterator[Finding]:

@@ -20,7 +20,7 @@ from assetbuild.robot.twins import SIDES
 
 BETTER = 0.25
 """A hypothesis must raise the score by at least this much."""
-TIE = 0.1
+TIE = 0.05
 """A later one must be better than an earlier one by this much."""
 SURE = 1.9
 """From this score on nothing further is tried."""
@@ -91,11 +91,10 @@ def _units(policy: Policy, bot: Bot) -> Iterator[Fault]:
         if abs(step_s - own_s) > 1e-9 and whole_steps(step_s, bot.control.simulation.timestep):
             text = f"it acts every {1e3 * step_s:.4g} ms, not every {1e3 * own_s:.4g} ms"
             yield text, replace(policy, step_s=step_s)
-    for factor in (-1.0, *FACTORS):
+    slips = {-1.0: "the sign of all actions is wrong", math.radians(1.0): "actions are in degrees"}
+    for factor in (*slips, *FACTORS):
         scale = {name: factor * value for name, value in policy.scale.items()}
-        text = "the sign of all actions is wrong" if factor < 0 else (
-            f"the action scale is {factor:g} times what the file says"
-        )  # fmt: skip
+        text = slips.get(factor, f"the action scale is {factor:g} times what the file says")
         yield text, replace(policy, scale=scale)
 
 
@@ -117,8 +116,13 @@ def _tables(policy: Policy, bot: Bot) -> Iterator[Fault]:
 
 
 def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
-    """Default poses from elsewhere, in another order, or of the other side."""
+    """Two poses in one file; a pose from elsewhere, in another order, or of the other side."""
     stated, bundle_pose = dict(policy.position), bot.position
+    if any(policy.offset[name] != stated[name] for name in policy.acts_on):
+        offset = {name: stated[name] for name in policy.acts_on}
+        yield "its actions count from its default pose", replace(policy, offset=offset)
+        text = "its observations count from the offset of its actions"
+        yield text, replace(policy, position={**stated, **policy.offset})
     poses: dict[str, dict[str, float]] = {}
     for engine, order in orders_of(policy, bot).items():
         pairs = list(zip(policy.joints, order, strict=True))
@@ -137,11 +141,6 @@ def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
         if pose != stated:
             offset = {name: pose[name] for name in policy.acts_on}
             yield text, replace(policy, position=pose, offset=offset)
-    if any(policy.offset[name] != stated[name] for name in policy.acts_on):
-        offset = {name: stated[name] for name in policy.acts_on}
-        yield "its actions count from its default pose", replace(policy, offset=offset)
-        text = "its observations count from the offset of its actions"
-        yield text, replace(policy, position={**stated, **policy.offset})
 
 
 def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:

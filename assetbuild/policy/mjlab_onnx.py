@@ -24,7 +24,6 @@ WORDS = {
     "phase": "gait_phase",
 }
 """mjlab's names of observations -> those of `terms`; velocities come from sensors at the IMU."""
-EVERYTHING = (float("-inf"), float("inf"))
 NEEDED = ("joint_names", "default_joint_pos", "action_scale", "observation_names")
 
 
@@ -33,7 +32,7 @@ def read_metadata(path: Path, metadata: Mapping[str, str], bot: Bot) -> Policy:
     for key in NEEDED:
         if key not in metadata:
             raise UsageError(f"`{path.name}`: its metadata state no `{key}`")
-    joints = tuple(metadata["joint_names"].split(","))
+    joints = tuple(map(str.strip, metadata["joint_names"].split(",")))
     acts_on = tuple(name for name in joints if name in bot.driven or name not in bot.orders["urdf"])
     kp, kd = (
         _by_joint(path, metadata, key, acts_on) for key in ("joint_stiffness", "joint_damping")
@@ -76,7 +75,7 @@ def _by_joint(
 
 
 def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> Iterator[Term]:
-    names = metadata["observation_names"].split(",")
+    names = map(str.strip, metadata["observation_names"].split(","))
     scales, clips, histories, flat = (
         metadata.get(f"observation_terms_{key}", "").split(",")
         for key in ("scale", "clip", "history_length", "flatten_history_dim")
@@ -90,7 +89,7 @@ def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> 
             WORDS.get(name, name),
             joints=joints if name in ("joint_pos", "joint_vel") else (),
             scale=_row(scales, index) or (1.0,),
-            clip=(clip[0], clip[1]) if len(clip) == 2 and clip != EVERYTHING else None,
+            clip=(clip[0], clip[1]) if len(clip) == 2 else None,
             history=history,
         )
 

@@ -43,6 +43,8 @@ def open_policy(path: Path, bot: Bot) -> Policy:
         wrong = "it has numbers that are not finite"
     elif policy.step_s is not None and not STEPS_S[0] <= policy.step_s <= STEPS_S[1]:
         wrong = f"it acts every {policy.step_s:g} s; expected {STEPS_S[0]:g} to {STEPS_S[1]:g}"
+    elif len({*policy.joints}) < len(policy.joints):
+        wrong = "it names one joint twice"
     for term in policy.terms:
         if not 1 <= term.history <= LONGEST:
             wrong = f"`{term.name}` looks back {term.history} steps; expected 1 to {LONGEST}"

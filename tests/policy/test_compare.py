@@ -101,6 +101,8 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "joint_ids_map", swapped(0, 1), "policy.order",
         "no engine's order; Isaac Lab's, but for `FR_hip_joint`, `FL_hip_joint`"),
     "twice as often": ("step_dt", lambda step: step / 2, "policy.timestep", "it acts every"),
+    "gravity that points up": (
+        "observations", with_term("projected_gravity", [-1.0]), "policy.scale", "its scale is -1"),
     "an observation that nobody knows": (
         "observations", with_term("height_scan", [1.0]), "policy.term",
         "`height_scan` is not known"),

@@ -185,7 +185,7 @@ def metadata(bot: Bot) -> dict[str, str]:
 
     joints = bot.orders["mujoco"]
     return {
-        "joint_names": ",".join(joints),
+        "joint_names": ", ".join(joints),
         "joint_stiffness": row(bot.kp[name] for name in joints),
         "joint_damping": row(bot.kd[name] for name in joints),
         "default_joint_pos": row(bot.position[name] for name in joints),
@@ -214,7 +214,10 @@ def test_mjlab_s_metadata_name_the_joints(bot: Bot, tmp_path: Path):
     policy = open_policy(described(tmp_path / "policy.onnx", metadata(bot)), bot)
     assert policy.joints == bot.orders["mujoco"] and policy.step_s is None and sees(policy) == 48
     assert policy.terms[0].function == "imu_lin_vel" and policy.terms[4].scale == (0.05,)
-    assert policy.terms[6].scale == (2.0, 2.0, 0.25) and policy.terms[6].clip is None
+    assert policy.terms[6].scale == (2.0, 2.0, 0.25) and policy.terms[6].clip == (
+        -math.inf,
+        math.inf,
+    )
     said = metadata(bot) | {"observation_names": "phase"}
     (phase,) = open_policy(described(tmp_path / "policy.onnx", said), bot).terms
     assert bot.cannot_see(phase) == "the period of its gait is not stated"
@@ -225,6 +228,7 @@ def test_mjlab_s_metadata_name_the_joints(bot: Bot, tmp_path: Path):
     [
         ("action_scale", "fast", "action_scale: `fast` are no numbers"),
         ("default_joint_pos", "0.0,0.1", "expected 12 numbers, found 2"),
+        ("joint_names", ",".join(["FL_hip_joint"] * 12), "it names one joint twice"),
         ("observation_names", None, "does not say which joints it drives"),
     ],
 )

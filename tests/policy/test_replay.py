@@ -93,13 +93,25 @@ def test_a_simulation_that_breaks_is_a_fall_with_figures(bot: Bot, tmp_path: Pat
 def test_of_faults_that_explain_it_alike_the_first_is_named(bot: Bot, tmp_path: Path):
     policy = open_policy(write_policy(tmp_path, deployed(bot)), bot)
     fallen = replace(RUN, seconds=1.0)
-    speeds = itertools.chain((0.06, 0.05), itertools.repeat(0.04))
+    speeds = itertools.chain((0.06, 0.055), itertools.repeat(0.05))
 
     def attempt(_: Policy) -> Replay:
         return replace(RUN, velocity=(next(speeds), 0.0, 0.0))
 
     found = diagnose(policy, bot, fallen, attempt)
     assert found is not None and found.replay.velocity[0] == 0.06
+
+
+def test_actions_in_degrees_are_named(bot: Bot, tmp_path: Path):
+    policy = open_policy(write_policy(tmp_path, deployed(bot)), bot)
+    wrong = replace(policy, scale={name: math.degrees(v) for name, v in policy.scale.items()})
+    fallen = replace(RUN, seconds=1.0)
+
+    def attempt(tried: Policy) -> Replay:
+        return RUN if tried.scale == pytest.approx(dict(policy.scale)) else fallen
+
+    found = diagnose(wrong, bot, fallen, attempt)
+    assert found is not None and found.fault == "actions are in degrees"
 
 
 def test_a_fault_of_a_robot_that_walks_is_only_possible(bot: Bot, tmp_path: Path, capsys):
