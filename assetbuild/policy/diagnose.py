@@ -16,6 +16,7 @@ from assetbuild.policy.compare import ENGINES, orders_of, sides_of
 from assetbuild.policy.replay import Replay, whole_steps
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import ByJoint, Policy
+from assetbuild.policy.terms import width
 from assetbuild.robot.twins import SIDES
 
 BETTER = 0.25
@@ -155,14 +156,12 @@ def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
     if any(term.history > 1 for term in policy.terms):
         way = "each term by itself" if policy.by_time else "step by step, all terms together"
         yield f"histories are laid out {way}", replace(policy, by_time=not policy.by_time)
-    commons = [
-        index for index, term in enumerate(policy.terms) if len(term.joints) == len(policy.joints)
-    ]
-    for one, other in itertools.pairwise(commons):
+    for one, other in itertools.combinations(range(len(policy.terms)), 2):
         terms = list(policy.terms)
-        terms[one], terms[other] = terms[other], terms[one]
-        text = f"`{policy.terms[one].name}` and `{policy.terms[other].name}` are exchanged"
-        yield text, replace(policy, terms=tuple(terms))
+        if width(terms[one], policy) == width(terms[other], policy):
+            text = f"`{terms[one].name}` and `{terms[other].name}` are exchanged"
+            terms[one], terms[other] = terms[other], terms[one]
+            yield text, replace(policy, terms=tuple(terms))
 
 
 def _signs(policy: Policy, _: Bot) -> Iterator[Fault]:

@@ -102,16 +102,39 @@ def test_of_faults_that_explain_it_alike_the_first_is_named(bot: Bot, tmp_path: 
     assert found is not None and found.replay.velocity[0] == 0.06
 
 
-def test_actions_in_degrees_are_named(bot: Bot, tmp_path: Path):
+def in_degrees(policy: Policy) -> Policy:
+    return replace(policy, scale={n: math.degrees(value) for n, value in policy.scale.items()})
+
+
+def exchanged(one: int, other: int) -> Callable[[Policy], Policy]:
+    def exchange(policy: Policy) -> Policy:
+        terms = list(policy.terms)
+        terms[one], terms[other] = terms[other], terms[one]
+        return replace(policy, terms=tuple(terms))
+
+    return exchange
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault"),
+    [
+        (in_degrees, "actions are in degrees"),
+        (exchanged(0, 2), "`velocity_commands` and `base_ang_vel` are exchanged"),
+        (exchanged(3, 5), "`last_action` and `joint_pos_rel` are exchanged"),
+    ],
+)
+def test_what_undoes_a_fault_names_it(
+    spoil: Callable[[Policy], Policy], fault: str, bot: Bot, tmp_path: Path
+):
     policy = open_policy(write_policy(tmp_path, deployed(bot)), bot)
-    wrong = replace(policy, scale={name: math.degrees(v) for name, v in policy.scale.items()})
     fallen = replace(RUN, seconds=1.0)
 
     def attempt(tried: Policy) -> Replay:
-        return RUN if tried.scale == pytest.approx(dict(policy.scale)) else fallen
+        is_right = tried.terms == policy.terms
+        return RUN if is_right and tried.scale == pytest.approx(dict(policy.scale)) else fallen
 
-    found = diagnose(wrong, bot, fallen, attempt)
-    assert found is not None and found.fault == "actions are in degrees"
+    found = diagnose(spoil(policy), bot, fallen, attempt)
+    assert found is not None and found.fault == fault
 
 
 def test_a_fault_of_a_robot_that_walks_is_only_possible(bot: Bot, tmp_path: Path, capsys):
