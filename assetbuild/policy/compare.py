@@ -167,6 +167,8 @@ def _joints(policy: Policy, bot: Bot) -> Iterator[Finding]:
         if name not in known:
             hint = did_you_mean(name, known)
             yield JOINTS(f"joint {name}", "the robot has no such joint", hint)
+        elif name in policy.acts_on and name not in bot.driven:
+            yield JOINTS(f"joint {name}", "the policy drives it, the bundle has no drive there")
     left = [name for name in bot.driven if name not in policy.acts_on]
     if left:
         text = f"it leaves {len(left)} driven joints alone: {quoted(left, SHOWN, MORE)}"
@@ -218,9 +220,7 @@ def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
     if not known or policy.joints in wanted:
         return
     if not policy.follows and not bot.states_bus:
-        text = (
-            "it counts motors of a bus whose order the bundle does not state: taken as the URDF's"
-        )
+        text = "it counts motors of a bus whose order the bundle does not state: URDF order used"
         hint = "add the target `policy` and `policy: {bus_order: [...]}` to the recipe"
         yield ORDER("policy", text, hint)
         return

@@ -148,8 +148,8 @@ def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
     """Scales of observations, and how histories are laid out."""
     for index, term in enumerate(policy.terms):
         for value in OBSERVED.get(term.function, ()):
-            if set(term.scale) != {value}:
-                text = f"the scale of `{term.name}` is {value:g}, not {term.scale[0]:g}"
+            if odd := set(term.scale) - {value}:
+                text = f"the scale of `{term.name}` is {value:g}, not {min(odd):g}"
                 scaled = list(policy.terms)
                 scaled[index] = replace(term, scale=(value,))
                 yield text, replace(policy, terms=tuple(scaled))

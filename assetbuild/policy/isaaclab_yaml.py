@@ -35,6 +35,7 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
         kp |= _by_pattern(drive.values.get("stiffness"), drive_joints)
         kd |= _by_pattern(drive.values.get("damping"), drive_joints)
     action = _action(config.at("actions"))
+    config.at("observations").need("policy")
     acts_on = _named(action, joints)
     offset = dict.fromkeys(acts_on, 0.0) | _by_pattern(action.values.get("offset"), acts_on)
     if action.values.get("use_default_offset", True):
@@ -75,7 +76,8 @@ def _driven(drives: Said, bot: Bot) -> tuple[str, ...]:
 def _action(actions: Said) -> Said:
     """The one action that is a target of joints."""
     named = {name: str(actions.at(name).values.get("class_type")) for name in actions.values}
-    if len(named) != 1 or not next(iter(named.values())).endswith("JointPositionAction"):
+    # Others end so as well: `RelativeJointPositionAction` counts from where the joint is.
+    if [kind.rpartition(":")[2] for kind in named.values()] != ["JointPositionAction"]:
         listed = ", ".join(f"`{name}` ({kind.rpartition(':')[2]})" for name, kind in named.items())
         raise actions.wrong("", f"expected one JointPositionAction, found {listed or 'none'}")
     return actions.at(next(iter(named)))

@@ -164,6 +164,13 @@ def test_joints_that_the_robot_lacks_are_named(bot: Bot, tmp_path: Path):
     assert told[0].subject == "joint FL_hip_joit" and "FL_hip_joint" in told[0].hint
 
 
+def test_a_joint_without_a_drive_is_named(bot: Bot, tmp_path: Path):
+    rows = bot.control.actuators
+    limp = replace(bot.control, actuators=(replace(rows[0], model="passive"), *rows[1:]))
+    told = list(compare(policy_of(bot, tmp_path), replace(bot, control=limp)))
+    assert [f.subject for f in told if f.severity == "error"] == [f"joint {rows[0].joint}"]
+
+
 def test_an_upright_start_in_the_other_order_of_a_quaternion_is_named(bot: Bot, tmp_path: Path):
     policy = policy_of(bot, tmp_path)
     turned = replace(policy, start_quat=(0.0, 0.0, 0.0, 1.0))

@@ -172,10 +172,28 @@ def test_env_yaml_of_a_robot_with_fewer_joints_counts_its_own(bot: Bot, tmp_path
     assert [f.rule for f in compare(policy, bot) if f.severity == "warning"] == []
 
 
-def test_an_observation_that_is_modified_is_refused(bot: Bot, tmp_path: Path):
-    text = ENV.replace("params: {}, scale: 0.2}", "params: {}, modifiers: [{func: filter}]}")
-    (tmp_path / "env.yaml").write_text(text)
-    with pytest.raises(UsageError, match="modifiers: observations that are modified"):
+@pytest.mark.parametrize(
+    ("stated", "instead", "message"),
+    [
+        (
+            "params: {}, scale: 0.2}",
+            "params: {}, modifiers: [{func: filter}]}",
+            "modifiers: observations that are modified",
+        ),
+        (
+            ":JointPositionAction",
+            ":RelativeJointPositionAction",
+            "actions: expected one JointPositionAction, found `joint_pos` \\(RelativeJoint",
+        ),
+        ("  policy:", "  actor:", "observations.policy: it is missing"),
+    ],
+)
+def test_what_env_yaml_cannot_be_replayed_with_is_refused(
+    stated: str, instead: str, message: str, bot: Bot, tmp_path: Path
+):
+    assert stated in ENV
+    (tmp_path / "env.yaml").write_text(ENV.replace(stated, instead))
+    with pytest.raises(UsageError, match=message):
         open_policy(tmp_path / "env.yaml", bot)
 
 
