@@ -122,9 +122,7 @@ def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> I
     ):
         yield from _column_findings(column, policy, bot)
     if policy.step_s is None:
-        text = (
-            f"it does not state how often it acts; the bundle says every {1e3 * bot.step_s:.4g} ms"
-        )
+        text = f"it does not state how often it acts: every {1e3 * bot.step_s:.4g} ms in the bundle"
         yield TIMESTEP("policy", text, severity="info")
     elif not policy.same(policy.step_s, bot.step_s):
         yield TIMESTEP(

@@ -33,6 +33,9 @@ OBSERVED = {
     "velocity_commands": (1.0, 2.0), "last_action": (1.0,),
 }  # fmt: skip
 """Scales that trainers usually have, by observation."""
+ALIKE = {"joint_pos": "joint_pos_rel", "joint_pos_rel": "joint_pos",
+         "base_lin_vel": "imu_lin_vel", "imu_lin_vel": "base_lin_vel"}  # fmt: skip
+"""Observations that are taken for one another."""
 Try = Callable[[Policy], Replay]
 Fault = tuple[str, Policy]
 """What was wrong, in words, and the policy with the fault undone."""
@@ -145,14 +148,16 @@ def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
 
 
 def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
-    """Scales of observations, and how histories are laid out."""
+    """Scales and meaning of observations, their order, and how histories are laid out."""
     for index, term in enumerate(policy.terms):
+        before, after = policy.terms[:index], policy.terms[index + 1 :]
         for value in OBSERVED.get(term.function, ()):
             if odd := set(term.scale) - {value}:
                 text = f"the scale of `{term.name}` is {value:g}, not {min(odd):g}"
-                scaled = list(policy.terms)
-                scaled[index] = replace(term, scale=(value,))
-                yield text, replace(policy, terms=tuple(scaled))
+                yield text, replace(policy, terms=(*before, replace(term, scale=(value,)), *after))
+        if meant := ALIKE.get(term.function):
+            text = f"`{term.name}` is `{meant}`, not `{term.function}`"
+            yield text, replace(policy, terms=(*before, replace(term, function=meant), *after))
     if any(term.history > 1 for term in policy.terms):
         way = "each term by itself" if policy.by_time else "step by step, all terms together"
         yield f"histories are laid out {way}", replace(policy, by_time=not policy.by_time)

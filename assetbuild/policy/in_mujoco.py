@@ -11,7 +11,6 @@ from assetbuild.errors import UsageError
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import Seen
-from assetbuild.robot.pose import rotation_of
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import mj
 from assetbuild.simulators.mujoco.drives import drive_as, read_drives
@@ -57,14 +56,12 @@ class InMujoco:
     def seen(self) -> Seen:
         """The state, with velocities in the base as `Seen` has them."""
         model, data = self.model, self.data
-        quat = np.array(data.xquat[1])
-        w, x, y, z = (float(v) for v in quat)
         floats = mujoco.floats(model)
-        linear = rotation_of((w, x, y, z)).T @ data.qvel[:3] if floats else np.zeros(3)
+        linear = data.xmat[1].reshape(3, 3).T @ data.qvel[:3] if floats else np.zeros(3)
         return Seen(
             time=float(data.time),
             place=np.array(data.xpos[1]),
-            quat=quat,
+            quat=np.array(data.xquat[1]),
             linear=np.asarray(linear),
             angular=np.array(data.qvel[3:6]) if floats else np.zeros(3),
             q={n: float(data.qpos[model.jnt_qposadr[j]]) for n, j in self.joints.items()},

@@ -38,8 +38,7 @@ class Bot:
     @property
     def driven(self) -> tuple[str, ...]:
         """Joints with a drive, in the order of the URDF."""
-        passive = {row.joint for row in self.control.actuators if row.model == "passive"}
-        return tuple(name for name in self.control.by_joint if name not in passive)
+        return tuple(n for n, row in self.control.by_joint.items() if row.model != "passive")
 
     @property
     def position(self) -> ByJoint:
