@@ -27,7 +27,7 @@ FAULTS: tuple[FaultKind, ...] = get_args(FaultKind)
 
 _UNDECLARED_PREFIX, _ODD_NAMESPACE = 201, 99
 """Types of libxml2's errors after which its tree is whole."""
-_COMMENT = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
+_COMMENT = re.compile(rb"<!\[CDATA\[.*?(?:\]\]>|\Z)|<!--.*?(?:-->|\Z)", re.DOTALL)
 _DECLARATION = re.compile(rb"<\?xml\s[^>]*\?>")
 _VERSION = re.compile(rb"""version\s*=\s*["']1\.[01]["']""")
 _PROLOGUE = re.compile(rb"(?:\s|\xef\xbb\xbf|<\?.*?\?>)*", re.DOTALL)
@@ -149,7 +149,7 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
 
     def comment(match: re.Match[bytes]) -> bytes:
         text = match[0]
-        if not text.startswith(b"<!--"):
+        if not (text.startswith(b"<!--") and text.endswith(b"-->")):
             return text
         if b"--" in text[4:-3] or text.endswith(b"--->"):
             note("comment", match.start())
@@ -216,8 +216,9 @@ def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) ->
     head = _DECLARATION.sub(lambda d: _blank(d[0]), text[:end]).replace(_BOM, b"   ")
     text = head + text[end:]
     try:
+        b"a".decode(name, "replace")  # `zlib` is a codec, but none of text
         codec = codecs.lookup(name).name
-    except LookupError:
+    except (LookupError, ValueError):
         codec = ""
     foreign = _foreign_at(text)
     if foreign is None:
@@ -229,7 +230,7 @@ def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) ->
     elif codec in ("", "utf-8", "ascii"):
         note("encoding", foreign)
         return text.decode("utf-8", "replace").encode()
-    return text.decode(codec, "replace").encode()
+    return text.decode(codec, "replace").encode("utf-8", "backslashreplace")
 
 
 def _blank(text: bytes) -> bytes:

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import pytest
-from urdfs import FILE, Reading, link, read, refused, robot, shape
+from urdfs import FILE, Reading, joint, link, read, refused, robot, shape
 
 from assetbuild.robot.model import Limits, Mimic
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
@@ -180,6 +181,7 @@ BAD = {
     "mimics nobody": (_arm(_joint('<mimic joint="x"/>', "continuous")), 3, "patches: [{file: URDF, find: '<mimic ...>'"),
     "followers in a row": (_arm(_joint('<mimic joint="k"/>', "continuous") + '<joint name="k" type="continuous"><parent link="b"/><child link="c"/><mimic joint="j"/></joint>', '<link name="a"/><link name="b"/><link name="c"/>'), 3, "follow one another: `j` -> `k` -> `j`"),
     "xacro": ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n<xacro:property name="a" value="1"/><link name="a"/></robot>', 2, "<xacro:property> in a URDF"),
+    "mimics next to nothing": (_arm(_joint('<mimic joint="k" multiplier="-1e-320"/>', "continuous") + '<joint name="k" type="continuous"><parent link="b"/><child link="c"/></joint>', '<link name="a"/><link name="b"/><link name="c"/>'), 3, "mimic multiplier is -1e-320, which no robot has"),
     "mimics itself": (_arm(_joint('<mimic joint="j"/>', "continuous")), 3, "cannot mimic itself"),
     "negative box": (robot(link("a", shape("collision", '<box size="1 1 -1"/>'))), 2, "every edge must be positive"),
     "zero scale": (robot(link("a", shape("collision", '<mesh filename="a.stl" scale="1 0 1"/>'))), 2, "a scale of 0 leaves no mesh"),
@@ -312,3 +314,11 @@ def test_a_follower_of_a_fixed_joint_is_locked(tmp_path: Path):
     limits = done.tree.by_joint["k"].limits
     assert (limits.lower, limits.upper) == (0.3, 0.3)
     assert "joint.mimic_fixed" in {finding.rule for finding in done.findings}
+
+
+def test_a_chain_of_links_is_read_in_linear_time(tmp_path: Path):
+    links = [link(f"l{number}") for number in range(3000)]
+    joints = (joint(f"j{number}", f"l{number - 1}", f"l{number}") for number in range(1, 3000))
+    start = time.process_time()
+    assert len(read(robot(*links, *joints), tmp_path).tree.bodies) == 3000
+    assert time.process_time() - start < 12.0

@@ -143,6 +143,7 @@ TAKEN = {
     "an ampersand": (robot(attributes='name="a&b"'), 1, "urdf.xml", "pym"),
     "no blank between attributes": (robot(joint='<origin xyz="1 2 3"rpy="0.1 0.2 0.3"/>' + AXIS + LIMIT), 4, "urdf.xml", "pm"),
     "letters of no encoding in a comment": (robot(extra="<!-- caf\xe9 -->").encode("latin-1"), 5, "urdf.xml", ""),
+    "letters of no encoding beside a codec of no text": (('<?xml version="1.0" encoding="zlib"?>' + robot(extra="<!-- caf\xe9 -->")).encode("latin-1"), 5, "urdf.xml", ""),
     "an encoding that does not exist": (('<?xml version="1.0" encoding="uft-8"?>' + robot()), 1, "urdf.xml", "pym"),
     "an encoding that it is not in": (('<?xml version="1.0" encoding="utf-16"?>' + robot()), 1, "urdf.xml", "pm"),
     "a namespace": (robot(attributes='name="r" xmlns="http://example.org"'), 1, "urdf.xml", "pm"),
@@ -314,6 +315,8 @@ REFUSED = {
     "one material twice, in two colours": (robot(extra='<material name="a"><color rgba="1 0 0 1"/></material>\n<material name="a"><color rgba="0 0 1 1"/></material>'), 6, "material `a` is defined twice"),
     "a leftover of xacro": (robot(extra="<xacro:arm/>"), 5, "this is a xacro file: expand it first"),
     "an attribute twice": (robot(joint='<origin xyz="1 2 3" xyz="1 2 3"/>' + AXIS + LIMIT), 4, "not readable as XML"),
+    "a million comments without end": (robot(extra="<!--" * 1_000_000), 5, "not readable as XML"),
+    "a codec that XML does not know": ('<?xml version="1.0" encoding="cp720"?>' + robot(extra="\xe9"), 1, "save it as UTF-8"),
 }  # fmt: skip
 
 
@@ -328,6 +331,12 @@ def test_what_has_two_meanings_is_refused_with_the_choices(case: str, tmp_path: 
 def test_a_name_in_no_encoding_is_refused_with_its_line(tmp_path: Path):
     with pytest.raises(SourceError, match=rf"{FILE}:2: .*UTF-8"):
         read('<robot name="r">\n<link name="caf\xe9"/></robot>'.encode("latin-1"), tmp_path)
+
+
+def test_a_namespace_may_be_relative(tmp_path: Path):
+    """libxml2's canonical form refuses it."""
+    found = read(robot(extra='<d:joint xmlns:d="drake" d:at="1"/>'), tmp_path)
+    assert "urdf.dropped" in found.rules()
 
 
 FLOATING = (

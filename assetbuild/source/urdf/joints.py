@@ -124,8 +124,7 @@ def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node
         message = f"{len(roots)} links have no parent: {quoted(roots, 8)}"
         hint = "connect all but one by a joint, of type `fixed` if they do not move"
         raise nodes[f"link {roots[1]}"].about("").error(message, hint)
-    parents = {link: joint.parent for link, joint in above.items()}
-    for circle in filter(None, (_circle(link, parents) for link in links)):
+    if circle := _circle({link: above[link].parent for link in links if link in above}):
         ring = circle[circle.index(circle[-1]) :][::-1]
         way = " -> ".join(f"`{name}`" for name in ring[:12])
         node = nodes[f"joint {above[ring[0]].name}"]
@@ -133,13 +132,18 @@ def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node
     return roots[0]
 
 
-def _circle(start: str, above: Mapping[str, str]) -> list[str]:
-    """Return the way up from a name until one comes again; nothing where the way ends."""
-    way = [start]
-    while (name := above.get(way[-1])) is not None:
-        if name in way:
-            return [*way, name]
-        way.append(name)
+def _circle(above: Mapping[str, str]) -> list[str]:
+    """Return the first way up on which a name comes again; nothing where all ways end."""
+    ends = set[str]()
+    for start in above:
+        way = dict[str, None]()
+        name: str | None = start
+        while name is not None and name not in ends:
+            if name in way:
+                return [*way, name]
+            way[name] = None
+            name = above.get(name)
+        ends.update(way)
     return []
 
 
@@ -233,7 +237,7 @@ def _hold_followers(joints: list[Joint], nodes: Mapping[str, Node]) -> list[Join
     So are those that follow by a multiplier of 0, which PhysX does not couple. Circles are refused.
     """
     leader_of = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
-    for circle in filter(None, (_circle(name, leader_of) for name in leader_of)):
+    if circle := _circle(leader_of):
         way = " -> ".join(f"`{name}`" for name in circle)
         raise nodes[f"joint {circle[0]}"].error(f"mimic joints follow one another: {way}")
     ends = (replace(j, mimic=None) if j.kind == "fixed" else j for j in joints)

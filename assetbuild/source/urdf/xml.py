@@ -160,7 +160,7 @@ class Node:
     def _number(self, attribute: str, word: str) -> float:
         value = float(word) if _NUMBER.fullmatch(word) else math.nan
         if math.isfinite(value):
-            is_nothing = self.tag == "mass" and 0.0 < value < LEAST_KG
+            is_nothing = 0.0 < abs(value) < LEAST.get(attribute, 0.0)
             if is_nothing or (self.tag not in UNBOUNDED and abs(value) > MOST):
                 raise self.error(f"{self.tag} {attribute} is {value!r}, which no robot has", _POWER)
             return value
@@ -171,8 +171,8 @@ class Node:
 
 UNBOUNDED = frozenset({"limit", "dynamics", "safety_controller"})
 """Some exporters write the largest number there is where they mean none."""
-LEAST_KG, MOST = 1e-100, 1e15
-"""Powers and quotients of what a robot is like must be numbers."""
+LEAST, MOST = {"value": 1e-100, "multiplier": 1e-9}, 1e15
+"""Powers and quotients of what a robot is like must be numbers: masses, mimic's multipliers."""
 _POWER = "check its power of ten"
 _EXPAND = "expand the xacro file first"
 _COMMAS = (
@@ -250,7 +250,7 @@ def _not_xml(message: str, line: int, file: str) -> SourceError:
         hint = "elements nested this deep are no robot"
     if "allowed only at the start" in message:
         hint = "delete everything before `<?xml`, including blank lines"
-    if "in character encoding" in message or "proper UTF-8" in message:
+    if "encoding" in message:
         hint = 'save it as UTF-8, or state its encoding: `<?xml version="1.0" encoding=...?>`'
     return SourceError(f"not readable as XML: {message}", where=Where(file, line), hint=hint)
 
@@ -348,8 +348,9 @@ def canonical(root: Node) -> bytes:
 
     names = {str(name) for e in root.element.iter("*") for name in (e.tag, *e.attrib)}
     prefixes = sorted({name.partition(":")[0] for name in names if ":" in name and name[0] != "{"})
-    text = etree.tostring(root.element, method="c14n")
+    text = etree.tostring(root.element)
     head = "".join(f' xmlns:{prefix}="urn:{prefix}"' for prefix in prefixes)
     text = text.replace(b"<robot", b"<robot" + head.encode(), 1)
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_blank_text=True)
-    return etree.tostring(etree.fromstring(text, parser), method="c14n")
+    # Not `method="c14n"`: libxml2's refuses a relative namespace, such as `drake`.
+    return str(etree.canonicalize(etree.fromstring(text, parser))).encode()
