@@ -196,7 +196,7 @@ def general_text(model: Model, index: int) -> str:
     ]
     rows = (model.actuator_dynprm, model.actuator_gainprm, model.actuator_biasprm)
     return json.dumps(
-        [*(k.split("_")[1].lower() for k in kinds), *(numbers(r[index]) for r in rows)]
+        [*(k.split("_")[1].lower() for k in kinds), *(numbers(r[index] + 0.0) for r in rows)]
     )
 
 

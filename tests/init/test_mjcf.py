@@ -12,7 +12,7 @@ from proposals import proposed
 
 from assetbuild.cli.check import check
 from assetbuild.errors import SourceError
-from assetbuild.init.mjcf import robot_name
+from assetbuild.init.mjcf import find_mjcf, robot_name
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
 
@@ -409,3 +409,20 @@ def test_drives_of_one_loop_that_would_open_it_start_as_it_is_drawn(
     """Exporters drive every joint, and the cranks of a parallelogram turn alike."""
     stated = proposed(FOUR_BAR.format(commands), tmp_path).recipe.keyframes.get("home")
     assert (stated and stated.joints) == home
+
+
+@pytest.mark.parametrize(
+    ("vast", "message"),
+    [
+        ('<actuator><general body="trunk" dyntype="user" actdim="2000000000"/></actuator>', "allocate memory"),  # noqa: E501 # one robot per line
+        ('<asset><mesh name="m" builtin="plate" params="100000 100000"/></asset>', "does not make it"),
+    ],
+)  # fmt: skip
+def test_a_robot_of_any_size_gets_no_more_memory_than_in_a_build(
+    vast: str, message: str, tmp_path: Path
+):
+    text = LEG.replace("../meshes", ".").replace("</mujoco>", vast)
+    (tmp_path / "leg.xml").write_text(text + "</mujoco>")
+    (tmp_path / "a.obj").write_text(TET)
+    with pytest.raises(SourceError, match=f"leg.xml.*{message}"):
+        find_mjcf(tmp_path / "leg.xml")

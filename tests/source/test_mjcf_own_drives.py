@@ -209,3 +209,9 @@ def test_a_cable_holds_still_in_a_pose_of_which_the_source_says_nothing(tmp_path
     mujoco.mj_forward(model, data)
     assert data.ctrl[0] == pytest.approx(float(data.ten_length[1])) and data.ctrl[0] > 0.03
     assert data.actuator_force[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_drive_without_gain_is_the_same_drive(tmp_path: Path):
+    """MuJoCo compiles its bias from `-kp`, which is a zero with a sign."""
+    drive = '<position name="grip" joint="l" kp="0"/>'
+    assert compared(written(hand(drive), tmp_path)) == set()

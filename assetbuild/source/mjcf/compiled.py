@@ -8,9 +8,11 @@ which spheres hold the places of the meshes.
 from __future__ import annotations
 
 import copy
+import math
 import posixpath
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -94,13 +96,11 @@ def compile_source(root: Element, files: Mapping[str, bytes]) -> Compiled:
     """
     for path, content in files.items():
         refuse_pointer(content, where=Where(path))
+    _refuse_not_finite(root)
     bare = plain(root)
-    try:
-        full, warnings = _compiled(bare, _by_number(bare, files))
-    except SourceError as error:
-        raise _without_number(root) or error from None
+    full, warnings = _compiled(bare, _by_number(bare, files))
     if any("NaN" in text for text in warnings):
-        raise _without_number(root) or error_at(root, "a number in it is NaN")
+        raise error_at(root, "a number in it is NaN")
     try:
         places, _ = _compiled(without_meshes(bare), {})
     except SourceError as error:
@@ -125,18 +125,22 @@ def _compiled(root: Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[s
     with caught_warnings() as warnings:
         try:
             model = mj.MjModel.from_xml_string(text, dict(files))
-        except ValueError as error:
+        except (ValueError, RuntimeError) as error:  # the latter where it finds no memory
             raise _refusal(str(error), text, root) from None
     return model, tuple(" ".join(line.split()) for line in warnings)
 
 
-def _without_number(root: Element) -> SourceError | None:
-    """The first attribute that says NaN; names may be called so."""
+def _refuse_not_finite(root: Element) -> None:
+    """SourceError for an attribute with NaN or infinity; a name may be called so."""
+    names = {element.get("name") for element in root.iter("*")}
     for element in root.iter("*"):
         for key, value in own_attributes(element).items():
-            if "name" not in key and "nan" in value.lower().split():
-                return error_at(element, f"<{element.tag}> `{key}` is `{value}`: not a number")
-    return None
+            if "name" in key or value in names:
+                continue
+            with suppress(ValueError):  # words
+                if not all(math.isfinite(float(word)) for word in value.split()):
+                    message = f"<{element.tag}> `{key}` is `{value}`: not a finite number"
+                    raise error_at(element, message, "leave out a limit that limits nothing")
 
 
 def _refusal(message: str, text: str, root: Element) -> SourceError:

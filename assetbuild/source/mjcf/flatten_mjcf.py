@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import one_line
+from assetbuild.errors import AssetBuildError, one_line
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.hull import convex_hull
@@ -91,6 +91,9 @@ class FlattenMjcf(Step):
             refused = next(root.iter(tag), None)
             if refused is not None:
                 raise error_at(refused, f"<{tag}> is not read", hint)
+        for size in root.iter("size"):
+            if len(size.get("nkey", "").strip()) > len("100000"):  # MuJoCo makes them all
+                raise error_at(size, f"<size> asks for {size.get('nkey')} keyframes", "remove it")
         findings += write_free_joints(root)
         name_all(root)
         findings += cut_scenery(root, self.body)
@@ -101,7 +104,8 @@ class FlattenMjcf(Step):
         files.write_json("source_map.json", {"file": self.file, "lines": lines})
         for element in root.iter("*"):
             element.attrib.pop(AT, "")
-        (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
+        # Not `method="c14n"`: libxml2's refuses a relative namespace.
+        (files.outputs / "source.xml").write_bytes(str(etree.canonicalize(root)).encode())
         yield from findings
 
 
@@ -360,7 +364,10 @@ def _stated(mesh: Element, name: str) -> _Triangles:
     if not np.isfinite(points).all() or outside.any():
         raise error_at(mesh, f"mesh `{name}`: a point is not finite, or a corner is none of them")
     if not faces.size:
-        hull = convex_hull(points, subject=f"mesh {name}")
+        try:
+            hull = convex_hull(points, subject=f"mesh `{name}`")
+        except AssetBuildError as error:
+            raise error_at(mesh, error.message, error.hint) from None
         points, faces = hull.vertices, hull.faces
     return points.tolist(), faces.tolist()
 
@@ -375,7 +382,7 @@ def _made(mesh: Element, name: str) -> _Triangles:
       <worldbody><geom type="mesh" mesh="m" contype="0" conaffinity="0"/></worldbody></mujoco>"""
     try:
         model = mj.MjModel.from_xml_string(text)
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:  # the latter where it finds no memory
         message = f"mesh `{name}`: MuJoCo does not make it: {one_line(error, 1000)}"
         raise error_at(mesh, message) from None
     turn = normalised_quat(tuple(float(v) for v in model.mesh_quat[0]))  # type: ignore[arg-type] # four numbers

@@ -100,6 +100,14 @@ class Geoms:
         """Take one over, from a body of the robot."""
         name, attributes = str(geom.get("name")), self.classes.attributes(geom)
         if attributes.get("type") == "hfield":
+            owner = next(geom.iterancestors("body"), None)
+            is_stated = owner is None or next(parts(owner, "inertial"), None) is not None
+            if (
+                attributes.get("mass", attributes.get("density", "1")).strip("0. ")
+                and not is_stated
+            ):
+                hint = 'write the body\'s <inertial>, or `mass="0"` at the height field'
+                raise error_at(geom, "the mass of a height field is not read", hint)
             what = f"the height field `{name}` of `{body}` was left out: "
             what += "no format of a robot has terrain"
             hint = "the floor of `scene.xml` is flat: add the terrain to your own scene"
