@@ -59,9 +59,15 @@ def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:  # Any: a type made ju
     return Optional[kind], optional  # noqa: UP045 # as above
 
 
+MOST = 1e30
+"""Squares and products of the recipe's numbers must be numbers."""
+
+
 def _finite(value: float) -> float:
     if not math.isfinite(value):
         raise ValueError("must be finite")
+    if abs(value) > MOST:
+        raise ValueError(f"must be at most {MOST:g} in size: check its power of ten")
     return value
 
 

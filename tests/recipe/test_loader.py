@@ -81,6 +81,7 @@ def test_an_error_of_the_plan_reads_like_one_of_ours(load):
         ("kp: 80", "kp: '80'", "13:38", "expected a number", ""),
         ("kp: 80", "kp: -1", "13:38", "must be at least 0, found `-1`", ""),
         ("kp: 80", "kp: .inf", "13:38", "must be finite", ""),
+        ("kp: 80", "kp: 1.0e+308", "13:38", "check its power of ten", ""),
         ("hull}", "hull, max_outside: 5}", "7:40", "must be at most 1", "`5 mm` or m"),
         ("motors:", "simulation: {timestep: 200}\nmotors:", "10:24", "at most 1", "step, s"),
         ("motors:", "cameras: {c: {rpy: [0, 0, 90]}}\nmotors:", "10:27", "are 1.571", ""),
