@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from assetbuild.engine.digest import digest_file
+from assetbuild.engine.digest import digest_file, regular_bytes
 from assetbuild.pipeline.publish import OWN_FILES
 from assetbuild.report.bundle import PREDICATE, STATEMENT, differing_files, manifest_of
 
@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _against_provenance(bundle: Path, manifest: Mapping[str, str]) -> Iterator[str]:
     """Is the provenance a statement about these very files?"""
     try:
-        statement = json.loads((bundle / "provenance.json").read_bytes())
+        statement = json.loads(regular_bytes(bundle / "provenance.json"))
         kinds = (statement["_type"], statement["predicateType"])
         rows = {str(row["name"]): str(row["digest"]["sha256"]) for row in statement["subject"]}
         str(statement["predicate"]["buildDefinition"]["externalParameters"]["recipe_sha256"])

@@ -51,6 +51,14 @@ def digest_file(path: str | os.PathLike[str]) -> str:
     return state.hexdigest()
 
 
+def regular_bytes(path: str | os.PathLike[str]) -> bytes:
+    """A file's content; OSError for a pipe or a device, which would never end."""
+    if os.path.exists(path) and not os.path.isfile(path):  # noqa: PTH110, PTH113 # no pathlib here
+        raise OSError("it is not a regular file")
+    with open(path, "rb") as file:
+        return file.read()
+
+
 def signature_of(status: os.stat_result) -> Signature:
     """What identifies an unchanged file, from its `stat`."""
     return (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino, status.st_dev)

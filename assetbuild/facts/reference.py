@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from assetbuild.engine.digest import regular_bytes
 from assetbuild.errors import UsageError
 from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
 from assetbuild.facts.surface import Surface
@@ -105,7 +106,7 @@ class Reference:
         """Read `report/robot.json`; UsageError where it is missing or not readable."""
         file = bundle / "report" / "robot.json"
         try:
-            raw = json.loads(file.read_bytes(), object_hook=_with_new_keys)
+            raw = json.loads(regular_bytes(file), object_hook=_with_new_keys)
             parts: dict[str, Any] = {  # Any: of these kinds
                 name: decode(kind, json.dumps(raw[name]).encode()) for name, kind in PARTS.items()
             }
@@ -121,7 +122,14 @@ class Reference:
                 f"`{bundle}` is no bundle of this version: it has no report/robot.json",
                 hint="build it again, or give the MJCF, URDF or USD in it",
             ) from None
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        except (
+            OSError,
+            ValueError,
+            LookupError,
+            TypeError,
+            AttributeError,
+            RecursionError,
+        ) as error:
             why = f"nothing in it is called {error}" if isinstance(error, KeyError) else error
             raise UsageError(f"`{file}` is not the robot of a bundle: {why}") from None
 
@@ -139,7 +147,7 @@ class Reference:
 def robot_named(bundle: Path, otherwise: str) -> str:
     """The robot's name, as the bundle's manifest has it."""
     try:
-        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
+        return str(json.loads(regular_bytes(bundle / "manifest.json"))["robot"])
     except (OSError, ValueError, KeyError, TypeError):
         return otherwise
 

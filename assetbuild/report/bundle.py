@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from assetbuild._version import __version__
-from assetbuild.engine.digest import digest_file
+from assetbuild.engine.digest import digest_file, regular_bytes
 from assetbuild.errors import UsageError
 from assetbuild.recipe.models import Recipe
 
@@ -138,7 +138,7 @@ def _listed(bundle: Path, word: str) -> dict[str, str]:
 def read_json(bundle: Path, name: str) -> dict[str, Any]:  # Any: plain JSON
     """The object in a JSON file of a bundle. UsageError where there is none."""
     try:
-        raw = json.loads((bundle / name).read_bytes())
+        raw = json.loads(regular_bytes(bundle / name))
     except (FileNotFoundError, NotADirectoryError):
         raise UsageError(
             f"`{bundle}` is no bundle of this version: it has no {name}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -68,3 +69,22 @@ def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Place):
 def test_what_is_no_bundle_is_a_wrong_command(legs: Place):
     assert legs.run("verify", "build").returncode == 2
     assert legs.run("verify", "absent").returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("path", "verb", "code"),
+    [
+        ("manifest.json", ("verify",), 2),
+        ("manifest.json", ("diff", "build/legs"), 2),
+        ("provenance.json", ("verify",), 1),
+        ("report/robot.json", ("validate",), 2),
+    ],
+)
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(
+    legs: Place, path: str, verb: tuple[str, ...], code: int
+):
+    (legs.bundle / path).unlink()
+    os.mkfifo(legs.bundle / path)
+    done = legs.run(*verb, "build/legs")
+    assert done.returncode == code
+    assert path in done.stdout + done.stderr
