@@ -87,7 +87,14 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
 def bundle_readers(
     bundle: Path, robot: str, reference: Reference
 ) -> Iterator[tuple[str, Reader, Path]]:
-    """(form, reader, main file) of every format that lies in a bundle."""
+    """(form, reader, main file) of every format that lies in a bundle.
+
+    UsageError for a pipe or device in it: what others' libraries include is out of our hands.
+    """
+    for name, path in files_of(bundle):
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            message = f"`{bundle / name}` is not a regular file"
+            raise UsageError(message, hint="remove it, or build the bundle again")
     for _, kind in usable_plugins(Reader):
         reader = kind(robot=robot, options={k: reference.options[k] for k in kind.recipe_sections
                                             if k in reference.options})  # fmt: skip

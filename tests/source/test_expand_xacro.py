@@ -98,6 +98,9 @@ MISTAKES: dict[str, tuple[str, dict[str, str], dict[str, object], tuple[str, ...
         "<link name=\"${xacro.load_yaml('y.yaml')}\"/>", {"pkg/y.yaml": "a: 1\nb: [\n"}, {},
         ("pkg/y.yaml:3: not readable as YAML",),
     ),
+    "an environment variable": (
+        '<link name="$(env CANARY)"/>', {}, {}, ("pkg/r.xacro: environment variable",),
+    ),
     "a macro that calls itself": (
         '<xacro:macro name="m" params=""><xacro:m/></xacro:macro><xacro:m/>', {}, {},
         ("uses itself without end",),

@@ -207,6 +207,7 @@ def _error_data(error: Exception, guard: Guard) -> dict[str, object]:
     if type(cause).__name__ in ("DTDForbidden", "EntitiesForbidden"):
         return {"error": "a DOCTYPE is not allowed", "line": line}
     words = " ".join(str(error).split()) or type(error).__name__
+    words = re.sub(r"^<class '[^']*'>: (.*) \1$", r"\1", words)  # xacro's own, said twice
     return {"error": words.replace(f"{guard.tree}/", "")[:400], "line": line}
 
 
