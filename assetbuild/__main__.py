@@ -10,6 +10,8 @@ import sys
 def main() -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:]
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115, PTH123 # closed; as below
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115, PTH123 # as above
     try:
         here = os.getcwd()  # noqa: PTH109 # pathlib is not loaded here
     except FileNotFoundError:

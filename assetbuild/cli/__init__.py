@@ -78,9 +78,13 @@ REFUSALS = {
 
 
 def _refused(error: Exception) -> AssetBuildError | None:
-    if not isinstance(error, OSError) or error.errno not in REFUSALS or not error.filename:
+    if not isinstance(error, OSError) or error.errno not in REFUSALS:
         return None
-    return MachineError(f"cannot read or write `{error.filename}`: {error.strerror}")
+    if error.filename:
+        return MachineError(f"cannot read or write `{error.filename}`: {error.strerror}")
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):  # no name: the standard output may be a file
+        return MachineError(f"cannot write: {error.strerror}", hint="free some space")
+    return None
 
 
 def _bug(error: Exception) -> AssetBuildError:

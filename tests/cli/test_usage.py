@@ -117,3 +117,19 @@ def test_a_working_folder_that_is_gone_is_one_error(tmp_path):
     )
     assert done.returncode == 2
     assert done.stderr == "error: the folder that this was started in no longer exists\n"
+
+
+@pytest.mark.parametrize(
+    ("shell", "code", "said"),
+    [
+        ("list >&-", 0, ""),
+        ("check no.yaml >&- 2>&-", 2, ""),
+        ("list >/dev/full", 1, "No space"),
+    ],
+)
+def test_an_output_that_takes_nothing_is_no_bug(shell: str, code: int, said: str):
+    line = f"{shlex.quote(sys.executable)} -m assetbuild {shell}"
+    done = subprocess.run(["/bin/sh", "-c", line], capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert "bug" not in done.stderr and "Traceback" not in done.stderr
