@@ -14,8 +14,8 @@ import resource
 import stat
 import struct
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -51,34 +51,20 @@ def do_one_job(do: Callable[[Any], object], memory_bytes: int) -> NoReturn:  # A
 
 
 def set_limits(memory_mb: int, others: Mapping[int, tuple[int, int]]) -> None:
-    """Bound this process, without core files. others: kind of a limit -> (soft, hard)."""
-    memory = _memory_bytes(memory_mb)
+    """Bound this process, without core files. Memory is counted on top of what is mapped.
+
+    others: kind of a limit -> (soft, hard).
+    """
+    mapped = 0
+    with suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        mapped = pages * resource.getpagesize()
+    memory = mapped + memory_mb * 1024 * 1024
     wanted = {resource.RLIMIT_AS: (memory, memory), resource.RLIMIT_CORE: (0, 0), **others}
     for kind, bounds in wanted.items():
         # A lower hard limit of the user's, or the step's, stays.
         with suppress(ValueError, OSError):
             resource.setrlimit(kind, bounds)
-
-
-@contextmanager
-def bounded_memory(memory_mb: int) -> Iterator[None]:
-    """Bound what this process may map, for a while."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    with suppress(ValueError, OSError):  # the user's limit may be lower
-        resource.setrlimit(resource.RLIMIT_AS, (_memory_bytes(memory_mb), hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
-
-
-def _memory_bytes(memory_mb: int) -> int:
-    """Return so much on top of what is mapped."""
-    mapped = 0
-    with suppress(OSError):
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        mapped = pages * resource.getpagesize()
-    return mapped + memory_mb * 1024 * 1024
 
 
 # Newer system calls have the same number on every architecture.
