@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import os
 import signal
 import sys
 import tempfile
@@ -40,7 +41,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         children.begin()
     try:
-        return runner(arguments.verb)(arguments)
+        code = runner(arguments.verb)(arguments)
+        sys.stdout.flush()  # what the output refuses is refused here, and not at the exit
+        return code
     except AssetBuildError as error:
         print_error(error)
         return error.exit_code
@@ -83,6 +86,7 @@ def _refused(error: Exception) -> AssetBuildError | None:
     if error.filename:
         return MachineError(f"cannot read or write `{error.filename}`: {error.strerror}")
     if error.errno in (errno.ENOSPC, errno.EDQUOT):  # no name: the standard output may be a file
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123 # else refused again at the exit
         return MachineError(f"cannot write: {error.strerror}", hint="free some space")
     return None
 
