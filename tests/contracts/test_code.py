@@ -75,7 +75,11 @@ ELSEWHERE = {
 }
 """Steps that these builds do not run; no library or program of theirs is on every machine."""
 
-FREE = ("/usr", "/etc", "/proc", "/dev", sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"))
+BYTECODE = filter(None, [sys.pycache_prefix])
+FREE = (
+    *("/usr", "/etc", "/proc", "/dev"),
+    *(sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *BYTECODE),
+)
 """What any program opens, besides the package's own code."""
 ASIDE = {
     "charset-normalizer": "`numpy.f2py`, which scipy loads, guesses encodings of Fortran with it",
