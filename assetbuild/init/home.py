@@ -33,6 +33,7 @@ SPRAWLED = 0.5
 """The height, and the least way from the hip to the side, of a leg that is drawn stretched out
 level: its foot comes down where it likes."""
 LEVEL_M = 0.01
+"""Feet this close in height stand on one level; hips are at least this far above them."""
 SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02

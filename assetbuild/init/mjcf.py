@@ -148,7 +148,7 @@ def robot_name(stated: str, file: Path) -> str:
 
 
 def _absent(root: Path, meshes: Sequence[Mapping[str, str]]) -> SourceError:
-    """Of meshes that are not there: the first, how many more, and where one of its name is."""
+    """The error for missing meshes: the first, how many more, and where a file of its name is."""
     first, others = meshes[0], [mesh["path"] for mesh in meshes[1:]]
     more = f" (and {len(others)} more: {quoted(others, 3)})" if others else ""
     _, meant = lacking(root, first["path"].lstrip("/"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -119,3 +120,36 @@ def test_what_a_finger_holds_by_a_fixed_joint_gets_its_surface_and_shape(tmp_pat
     links = ["palm", *(f"finger_{n}_{part}" for n in range(1, 4) for part in ("body", "tip"))]
     named = [name for name in links if re.fullmatch(pattern, name)]
     assert named == ["palm", "finger_1_tip", "finger_2_tip", "finger_3_tip"]
+
+
+def crowd(turn: float, more: str = "") -> str:
+    """Two balls of 50 mm on hinges: 40 mm deep in each other at 0, 100 mm apart at a half turn."""
+    side = """<body name="{}" pos="{} 0 0"><joint name="{}_joint" axis="0 0 1"
+    range="-180 180"/><geom pos="{} 0 0" size="0.05" mass="1"/></body>"""
+    bodies = side.format("left", -0.1, "left", 0.07) + side.format("right", 0.1, "right", -0.07)
+    return f"""<mujoco model="crowd"><worldbody><body name="base"><geom pos="0 0 -1" size="0.01"/>
+    {bodies}</body></worldbody>
+    <actuator><position joint="left_joint" kp="10"/><position joint="right_joint" kp="10"/>
+    </actuator><keyframe><key name="home" qpos="{turn} 0"/></keyframe>{more}</mujoco>"""
+
+
+BALL = """<worldbody><body name="ball" pos="-0.17 0 0"><joint name="ball_joint" axis="0 0 1"/>
+<geom size="0.05" mass="1"/></body></worldbody>"""
+
+
+@pytest.mark.parametrize(
+    ("turn", "more", "pairs"),
+    [
+        (0.0, "", (("left", "right"),)),
+        (math.pi, "", ()),
+        (0.0, '<contact><exclude body1="left" body2="right"/></contact>', ()),
+        (math.pi, BALL, ()),
+    ],
+    ids=["in each other", "apart", "excluded", "a ball to push"],
+)
+def test_bodies_that_lie_in_each_other_where_the_source_starts_pass(
+    turn: float, more: str, pairs: tuple[tuple[str, str], ...], tmp_path: Path
+):
+    made = proposed(crowd(turn, more), tmp_path)
+    assert made.recipe.collision.exclude.pairs == pairs
+    assert ("# left in right: 40 mm" in made.text) == bool(pairs)

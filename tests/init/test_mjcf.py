@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import subprocess
 import sys
@@ -41,7 +40,7 @@ def test_it_is_known_by_its_root_element_whatever_its_name(name: str, tmp_path: 
 
 @pytest.mark.parametrize("folder", ["/home/author/robot", "parts"])
 def test_meshes_that_are_not_there_are_counted_and_sought(folder: str, tmp_path: Path):
-    """As where `meshdir` is a folder of the author's machine."""
+    """`meshdir` is often a folder of the author's machine."""
     text = LEG.replace("../meshes", folder).replace("<mesh ", '<mesh file="b.obj"/><mesh ')
     (tmp_path / "leg.xml").write_text(text)
     (tmp_path / "cad").mkdir()
@@ -120,39 +119,6 @@ def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tm
     (row,) = made.recipe.actuators
     assert (row.joints, row.model, row.guessed, row.armature) == ("knuckle", "pd", True, 0.0003)
     assert "The source drives no joint" in made.text
-
-
-def crowd(turn: float, more: str = "") -> str:
-    """Two balls of 50 mm on hinges: 40 mm deep in each other at 0, 100 mm apart at a half turn."""
-    side = """<body name="{}" pos="{} 0 0"><joint name="{}_joint" axis="0 0 1"
-    range="-180 180"/><geom pos="{} 0 0" size="0.05" mass="1"/></body>"""
-    bodies = side.format("left", -0.1, "left", 0.07) + side.format("right", 0.1, "right", -0.07)
-    return f"""<mujoco model="crowd"><worldbody><body name="base"><geom pos="0 0 -1" size="0.01"/>
-    {bodies}</body></worldbody>
-    <actuator><position joint="left_joint" kp="10"/><position joint="right_joint" kp="10"/>
-    </actuator><keyframe><key name="home" qpos="{turn} 0"/></keyframe>{more}</mujoco>"""
-
-
-BALL = """<worldbody><body name="ball" pos="-0.17 0 0"><joint name="ball_joint" axis="0 0 1"/>
-<geom size="0.05" mass="1"/></body></worldbody>"""
-
-
-@pytest.mark.parametrize(
-    ("turn", "more", "pairs"),
-    [
-        (0.0, "", (("left", "right"),)),
-        (math.pi, "", ()),
-        (0.0, '<contact><exclude body1="left" body2="right"/></contact>', ()),
-        (math.pi, BALL, ()),
-    ],
-    ids=["in each other", "apart", "excluded", "a ball to push"],
-)
-def test_bodies_that_lie_in_each_other_where_the_source_starts_pass(
-    turn: float, more: str, pairs: tuple[tuple[str, str], ...], tmp_path: Path
-):
-    made = proposed(crowd(turn, more), tmp_path)
-    assert made.recipe.collision.exclude.pairs == pairs
-    assert ("# left in right: 40 mm" in made.text) == bool(pairs)
 
 
 def dog(more: str = "") -> str:

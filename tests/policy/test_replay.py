@@ -76,7 +76,7 @@ def test_what_leans_far_does_not_stand(tilt: float, verdict: str):
 
 
 def test_a_simulation_that_breaks_is_a_fall_with_figures(bot: Bot, tmp_path: Path):
-    """Of the last state that is finite."""
+    """The last finite state is reported."""
 
     class Breaking(InMujoco):
         def drive(self, targets, seconds: float) -> None:
