@@ -127,22 +127,6 @@ def test_a_foot_without_mass_touches_what_it_touches_in_the_source(
     assert compared(written) == []
 
 
-@pytest.mark.parametrize("pad", ["", '<geom type="ellipsoid" size=".02 .02 .03" mass="0"/>'])
-def test_an_exclude_of_a_merged_body_counts_where_that_body_touches_anything(
-    pad: str, tmp_path: Path
-):
-    """Tools exclude every two bodies of a hand but the tips, the empty ones too."""
-    text = f"""<mujoco><worldbody><body name="palm"><geom size=".1"/>
-    <body name="thumb" pos=".2 0 0"><joint name="a"/><geom name="thumb" size=".05"/></body>
-    <body name="index" pos="0 .2 0"><joint name="b"/><geom name="index" size=".05"/>
-    <body name="pad" pos="0 .1 0">{pad}<site name="tip"/></body></body></body></worldbody>
-    <contact><exclude body1="thumb" body2="pad"/></contact></mujoco>"""
-    done = built(text, tmp_path)
-    excludes = engine.MjModel.from_xml_path(str(done.xml)).nexclude
-    assert excludes == (1 if pad else 0)
-    assert compared(done) == []
-
-
 RICH = """<mujoco><option solver="CG" iterations="7"/><asset><material name="gold"/></asset><worldbody>
   <body name="base"><geom size=".1"/>
     <body name="arm" gravcomp="0.5"><joint name="turn" pos="0 .1 0" solreflimit=".01 1" ref=".2"

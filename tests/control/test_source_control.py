@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from mjcfs import Reading, Written, compared, hard_arm, read, write
+from mjcfs import Reading, Written, compared, hard_arm, read, write, written
 from robot_files import run_step, write_robot_ports
 from tiny import box_inertial, pendulum, tiny_quadruped, with_drives
 
@@ -290,3 +290,19 @@ def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Pa
         texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
     assert texts[0] == texts[1]
     assert b"effort" in texts[0]
+
+
+@pytest.mark.parametrize("pad", ["", '<geom type="ellipsoid" size=".02 .02 .03" mass="0"/>'])
+def test_an_exclude_of_a_merged_body_counts_where_that_body_touches_anything(
+    pad: str, tmp_path: Path
+):
+    """Tools exclude every two bodies of a hand but the tips, the empty ones too."""
+    text = f"""<mujoco><worldbody><body name="palm"><geom size=".1"/>
+    <body name="thumb" pos=".2 0 0"><joint name="a"/><geom name="thumb" size=".05"/></body>
+    <body name="index" pos="0 .2 0"><joint name="b"/><geom name="index" size=".05"/>
+    <body name="pad" pos="0 .1 0">{pad}<site name="tip"/></body></body></body></worldbody>
+    <contact><exclude body1="thumb" body2="pad"/></contact></mujoco>"""
+    done = written(text, tmp_path)
+    excludes = mujoco.MjModel.from_xml_path(str(done.xml)).nexclude
+    assert excludes == (1 if pad else 0)
+    assert compared(done) == set()
