@@ -19,7 +19,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import load, mj
+from assetbuild.simulators.mujoco import load
 from assetbuild.simulators.mujoco.drives import read_drives
 
 LOAD = Rule(
@@ -61,13 +61,8 @@ class MjcfCompiles(mujoco.WithMujoco):
 
 
 def without_visual_meshes(spec: Any) -> None:  # Any: MuJoCo's MjSpec
-    """Small balls in the place of visual meshes. The file must state every mass."""
-    for geom in spec.geoms:
-        if geom.meshname and not geom.contype and not geom.conaffinity:
-            geom.type, geom.size, geom.meshname = mj.mjtGeom.mjGEOM_SPHERE, (0.01, 0.0, 0.0), ""
-    used = {geom.meshname for geom in spec.geoms}
-    for mesh in [mesh for mesh in spec.meshes if mesh.name not in used]:
-        spec.delete(mesh)
+    """Leave out the meshes of visual shapes. The file must state every mass."""
+    mujoco.leave_out_meshes(spec, lambda geom: not geom.contype and not geom.conaffinity)
 
 
 def lint_file(path: Path) -> Iterator[Finding]:

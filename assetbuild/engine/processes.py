@@ -18,7 +18,13 @@ from assetbuild.engine.children import Children, Ended, last_line
 from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
-from assetbuild.engine.store import LostObjectError, Store, files_below, machine_errors
+from assetbuild.engine.store import (
+    Listing,
+    LostObjectError,
+    below,
+    files_below,
+    machine_errors,
+)
 from assetbuild.engine.wire import error_from_json, perform, step_to_json
 from assetbuild.engine.worker import NO_SPACE
 from assetbuild.errors import StepError, quoted
@@ -121,7 +127,7 @@ class Processes:
             check_present(staged)
             raise error_from_json(result["error"])
         return Made(
-            outputs=collect(self._session.store, action, folder / "outputs"),
+            outputs=collect(self._session, action, folder),
             findings=tuple(map(finding_from_json, result["findings"])),
             seconds=used.wall_s,
             cpu_seconds=used.cpu_s,
@@ -270,18 +276,21 @@ def check_present(staged: Staged) -> None:
             raise LostObjectError(digest, f"input `{name}` went away while its step ran")
 
 
-def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
+def collect(session: Session, action: Action, folder: Path) -> dict[str, str]:
     """Take the declared outputs into the store: name -> digest.
 
+    A folder that is a link to the folder of an input holds what that holds; nothing is copied.
     StepError names what was declared and not written, or written and not declared.
     """
+    linked, folder = _linked(session, action, folder), folder / "outputs"
     declared = action.step.outputs
     try:
         written = [path.relative_to(folder).as_posix() for path in files_below(folder)]
     except ValueError as error:
         raise StepError(f"step `{action.label}`: output {error}") from None
     trees = tuple(name for name in declared if name.endswith("/"))
-    extra = [name for name in written if name not in declared and not name.startswith(trees)]
+    made = (*written, *linked)
+    extra = [name for name in made if name not in declared and not name.startswith(trees)]
     if extra:
         raise StepError(
             f"step `{action.label}` wrote what it does not declare: {quoted(extra, 8)}",
@@ -297,9 +306,25 @@ def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
     for name in written:
         if any("\ud800" <= letter <= "\udfff" for letter in name):  # undecodable bytes
             raise StepError(f"step `{action.label}` wrote a file whose name is not UTF-8: {name!a}")
+    store = session.store
     return {
-        name: store.put_tree(folder / name)
+        name: store.put_tree(folder / name, below(linked, name))
         if name.endswith("/")
         else store.put_file(folder / name, move=True)
         for name in declared
     }
+
+
+def _linked(session: Session, action: Action, folder: Path) -> Listing:
+    """What links in the outputs to whole folders of the inputs stand for; the links go."""
+    inputs = {str(folder / "inputs" / name[:-1]): digest
+              for name, digest in action.inputs.items() if name.endswith("/")}  # fmt: skip
+    listing: Listing = {}
+    for path in list(filter(Path.is_symlink, (folder / "outputs").rglob("*"))):
+        digest = inputs.get(os.readlink(path))  # noqa: PTH115 # the text is compared
+        if digest is not None:
+            path.unlink()
+            path.mkdir()
+            place = path.relative_to(folder / "outputs").as_posix()
+            listing |= {f"{place}/{name}": held for name, held in session.tree(digest).items()}
+    return listing

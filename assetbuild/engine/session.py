@@ -8,10 +8,11 @@ from pathlib import Path
 
 from assetbuild.engine.actions import Action, Actions, Made, SharedCache, key_parts
 from assetbuild.engine.code import Code, notes_folder
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.journal import Journal
 from assetbuild.engine.stamps import Stamps
-from assetbuild.engine.store import Listing, LostObjectError, Store
+from assetbuild.engine.store import Listing, LostObjectError, Store, below, listing_bytes
 from assetbuild.engine.world import World, edited
 from assetbuild.errors import StepError, did_you_mean
 
@@ -88,15 +89,30 @@ class Session:
         """
         if own is None and digest in self._views:
             return self._views[digest]
-        folder = own or self.store.scratch()
+        folder, listing = own or self.store.scratch(), self.tree(digest)
         folder.mkdir(parents=True, exist_ok=True)
-        for name, (member, _) in self.tree(digest).items():
-            place = folder / name
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.symlink_to(self.object(member))
+        shared = {} if own else self._shared(listing)
+        for name, path in shared.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).symlink_to(path)
+        for name, (member, _) in listing.items():
+            if not name.startswith(tuple(shared)):
+                place = folder / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.symlink_to(self.object(member))
         if own is None:
             self._views[digest] = folder
         return folder
+
+    def _shared(self, listing: Listing) -> dict[str, Path]:
+        """Folders of a tree (with a slash) that are trees of which there is a view already."""
+        folders = {name[: at + 1] for name in listing for at, c in enumerate(name) if c == "/"}
+        shared: dict[str, Path] = {}
+        for folder in sorted(folders):
+            view = self._views.get(digest_bytes(listing_bytes(below(listing, folder))))
+            if view is not None and not folder.startswith(tuple(shared)):
+                shared[folder] = view
+        return shared
 
     def forget(self) -> None:
         """An object was lost: look again what is whole."""
@@ -153,10 +169,9 @@ class Resolver:
             self._session.forget()
             return None
         if ref.member.endswith("/"):
-            size = len(ref.member)
-            below = {n[size:]: v for n, v in listing.items() if n.startswith(ref.member)}
-            if below:
-                return self._session.store.put_listing(below)
+            inside = below(listing, ref.member)
+            if inside:
+                return self._session.store.put_listing(inside)
         elif ref.member in listing:
             return listing[ref.member][0]
         origin = f"step `{ref.node}`" if ref.node else "the source"

@@ -131,12 +131,13 @@ class Store:
             self._accept(beside, digest)
         return digest
 
-    def put_tree(self, folder: Path) -> str:
+    def put_tree(self, folder: Path, linked: Mapping[str, tuple[str, int]] | None = None) -> str:
         """Move every file below a folder into the store, as `put_file`; the listing's digest.
 
+        linked: what is in the tree besides, and in the store already.
         Symbolic links and special files raise ValueError: they have no content of their own.
         """
-        listing: Listing = {}
+        listing: Listing = dict(linked or {})
         for path in files_below(folder):
             size = path.stat().st_size
             name = path.relative_to(folder).as_posix()
@@ -145,7 +146,7 @@ class Store:
 
     def put_listing(self, listing: Mapping[str, tuple[str, int]]) -> str:
         """Store a tree whose objects are stored already; its digest."""
-        return self.put_bytes(canonical_json({name: list(v) for name, v in listing.items()}))
+        return self.put_bytes(listing_bytes(listing))
 
     def _accept(self, beside: Path, digest: str) -> None:
         """Rename a finished file to its digest. An older object of that name is replaced: it
@@ -324,6 +325,16 @@ def machine_errors(place: Path, option: str = STORE_OPTION) -> Iterator[None]:
         else:
             message, hint = f"{error.strerror or error}: `{file}`", ""
         raise MachineError(message, hint=hint) from error
+
+
+def listing_bytes(listing: Mapping[str, tuple[str, int]]) -> bytes:
+    """A tree as it is stored; their digest is the tree's."""
+    return canonical_json({name: list(held) for name, held in listing.items()})
+
+
+def below(listing: Listing, folder: str) -> Listing:
+    """The part of a tree below a folder, which ends in a slash."""
+    return {n.removeprefix(folder): held for n, held in listing.items() if n.startswith(folder)}
 
 
 def files_below(folder: Path) -> list[Path]:

@@ -6,20 +6,24 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
+from assetbuild.engine.digest import digest_file
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
 from assetbuild.facts.mjcf_model import MESHES, compiled_facts
+from assetbuild.facts.mjcf_parts import pose_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.model import Actuator, Contact, Control, MjcfOnly, Place, Sensor
-from assetbuild.simulators.mujoco import body_names, caught_warnings, mj
+from assetbuild.simulators.mujoco import body_names, caught_warnings, leave_out_meshes, mj
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -31,6 +35,9 @@ OWNERS = {"joint": "joint", "shape": "shape", "frame": "frame", "camera": "camer
 KINDS = {"geom": "shape", "site": "frame", "pair": "contact pair", "camera": "camera"}
 """Tag of an element of its own -> kind of subject, where its section does not say it."""
 SECTIONS = frozenset({"contact", "equality", "tendon", "actuator", "sensor"})
+AS_IN_FILE = {"scale": (1.0, 1.0, 1.0), "refpos": (0.0, 0.0, 0.0), "refquat": (1.0, 0.0, 0.0, 0.0)}
+"""What an MJCF says of a mesh whose corners are those of its file."""
+NOTHING: Mapping[str, Surface] = {}
 UNNAMED = re.compile(r"(geom|site|camera|pair|equality|tendon|actuator|sensor) \d+")
 MEANS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("ctrlrange", "inheritrange", "ctrllimited"), ("command range",)),
@@ -141,15 +148,25 @@ class MjcfReader(Reader):
         """Read any MJCF; UsageError where MuJoCo refuses it."""
         return self._read(path, Opaque(), visuals=True)
 
-    def _read(self, path: Path, opaque: Opaque, *, visuals: bool) -> Table:
+    def _read(
+        self, path: Path, opaque: Opaque, *, visuals: bool, seen: Mapping[str, Surface] = NOTHING
+    ) -> Table:
+        """seen: digest of a mesh file -> what MuJoCo reads in it, where that was found before."""
         with caught_warnings():
             try:
                 spec = mj.MjSpec.from_file(str(path))
                 spec.compiler.discardvisual |= not visuals
-                return compiled_facts(spec.compile(), opaque.subjects)
+                drawn = _leave_out_seen(spec, path, seen) if seen else {}
+                table = compiled_facts(spec.compile(), opaque.subjects)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses `{path}`: {text}") from None
+        for shape, surface in drawn.items():
+            pose = np.asarray(table.facts[Key("shape", shape, "pose")], dtype=np.float64)
+            placed = surface.moved(pose_of(pose[:3], pose[3:]))
+            table.drop("shape", shape, "size", "pose")
+            table.put("shape", shape, {"geometry": "mesh"} | placed.facts())
+        return table
 
     def expected(self, reference: Reference) -> Table:
         """The robot that this form holds, and its solver."""
@@ -162,7 +179,9 @@ class MjcfReader(Reader):
     def found(self, path: Path, reference: Reference) -> Table:
         """All facts of a file of this robot."""
         here = self.robot_of(reference)
-        return self._compared(self._read(path, opaque_of(here), visuals=self.visuals), here)
+        seen = reference.assets.known if self.visuals else NOTHING
+        read = self._read(path, opaque_of(here), visuals=self.visuals, seen=seen)
+        return self._compared(read, here)
 
     def _compared(self, table: Table, reference: Reference) -> Table:
         """Leave out what MJCF does not hold, and what the source's own MJCF already states."""
@@ -178,6 +197,27 @@ class MjcfReader(Reader):
                 and not (key.kind == "shape" and key.name in unseen)
             )
         )
+
+
+def _leave_out_seen(spec: Any, path: Path, seen: Mapping[str, Surface]) -> dict[str, Surface]:
+    """Leave out meshes that are only seen and are known: geom -> surface in the frame of the geom.
+
+    Any: MuJoCo's MjSpec. The check `mjcf_meshes` has read these files.
+    """
+    folder = path.parent / spec.meshdir
+    known = {
+        mesh.name: seen.get(digest_file(folder / mesh.file))
+        for mesh in spec.meshes
+        if all(np.array_equal(getattr(mesh, name), value) for name, value in AS_IN_FILE.items())
+    }
+    drawn = {
+        geom.name: known.get(geom.meshname)
+        for geom in spec.geoms
+        if geom.name and geom.meshname and not geom.contype and not geom.conaffinity
+    }
+    surfaces = {name: surface for name, surface in drawn.items() if surface is not None}
+    leave_out_meshes(spec, lambda geom: geom.name in surfaces)
+    return surfaces
 
 
 class MjcfFacts(MjcfReader):

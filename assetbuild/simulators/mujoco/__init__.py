@@ -140,6 +140,16 @@ def load(
     return Loaded(model, tuple(_without_folder(text, path) for text in messages))
 
 
+def leave_out_meshes(spec: Any, chosen: Callable[[Any], bool]) -> None:  # Any: MjSpec, MjsGeom
+    """Small balls in the place of the meshes of some geoms. Bodies must state their masses."""
+    for geom in spec.geoms:
+        if geom.meshname and chosen(geom):
+            geom.type, geom.size, geom.meshname = mj.mjtGeom.mjGEOM_SPHERE, (0.01, 0.0, 0.0), ""
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in [mesh for mesh in spec.meshes if mesh.name not in used]:
+        spec.delete(mesh)
+
+
 def _without_folder(text: str, path: Path) -> str:
     """Put it in one line without absolute paths, nor words about visual shapes that we left out."""
     text = re.sub(r"The visual elements of the spec were discarded[^.]*\.", "", text)

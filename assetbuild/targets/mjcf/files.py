@@ -81,7 +81,8 @@ def explain_textures(shapes: Shapes, folder: Path) -> Iterator[Finding]:
 def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None:
     """The robot's own file, and beside it the meshes and pictures that its shapes name.
 
-    meshes: folder of the built ones. MuJoCo reads three channels of a picture if none are stated.
+    meshes: folder of the built ones, which a link stands for where all are named. MuJoCo reads
+    three channels of a picture if none are stated.
     """
     for texture in root.iter("texture"):
         if has_holes((meshes / texture.attrib["file"]).read_bytes()):
@@ -89,9 +90,13 @@ def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None
     write_xml(path, root)
     wanted = {asset.file for asset in shapes.meshes}
     wanted |= {material.texture for material in shapes.materials if material.texture}
+    assets = path.parent / "assets"
+    if wanted and wanted == {file.name for file in meshes.iterdir()}:
+        assets.symlink_to(meshes)
+        return
     for name in sorted(wanted):
-        (path.parent / "assets").mkdir(exist_ok=True)
-        shutil.copyfile(meshes / name, path.parent / "assets" / name)
+        assets.mkdir(exist_ok=True)
+        shutil.copyfile(meshes / name, assets / name)
 
 
 def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
