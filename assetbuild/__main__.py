@@ -23,7 +23,7 @@ def main() -> int:
         code = _null_build(here, argv)
         if code is not None:
             return code
-    gc.set_threshold(50_000, 20)  # imports and records make many objects and little garbage
+    gc.set_threshold(200_000, 20)  # imports and records make many objects and little garbage
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # as the workers
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nothing is computed here
     from assetbuild.cli import main as run

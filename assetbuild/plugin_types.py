@@ -290,6 +290,9 @@ class Check(Plugin):
     """Targets that it looks at too, where the recipe builds them."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
+    drives: ClassVar[bool] = True
+    """Whether it asks for what drives the joints; else its MJCF has none, and a new gain leaves it
+    alone."""
     requires: ClassVar[Mapping[str, str]] = {}
     """Optional module -> the extra that brings it; without it the check is skipped, and the report
     says so."""

@@ -68,6 +68,7 @@ class Oracle(mujoco.WithMujoco):
     own_name = "oracle"
     usual_s = 0.4
     needs: ClassVar = ("mjcf", "source")
+    drives: ClassVar = False
     reads: ClassVar = ("links.json", "tree.json")
     requires: ClassVar = {"pinocchio": "oracle"}
     imports: ClassVar = ("pinocchio",)

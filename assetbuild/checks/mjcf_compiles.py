@@ -8,9 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
-
-from lxml import etree
+from typing import TYPE_CHECKING, Any
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
@@ -21,6 +19,9 @@ from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import load
 from assetbuild.simulators.mujoco.drives import read_drives
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 
 LOAD = Rule(
     "mjcf.load", "error", "MuJoCo refuses the file", "its message names the element or the file"
@@ -100,7 +101,6 @@ def _loaded(
 # --- what the text says that no compiled model shows any more ------------------------------------
 
 
-Xml = etree._Element  # lxml's own name for the type
 PATHS = frozenset({"file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback",
                    "meshdir", "texturedir", "assetdir"})  # fmt: skip
 RANGES = frozenset({"ctrlrange", "forcerange", "actrange", "range", "actuatorfrcrange"})
@@ -136,6 +136,8 @@ FOREIGN_CLASS = Rule(
 
 def lint_text(path: Path) -> Iterator[Finding]:
     """All that the text alone can show. path: of a file that MuJoCo compiles."""
+    from lxml import etree
+
     try:
         roots = list(_with_includes(path))
     except etree.XMLSyntaxError as error:
@@ -147,7 +149,9 @@ def lint_text(path: Path) -> Iterator[Finding]:
     yield from _classes(roots, mujoco.mj.MjSpec.from_file(str(path)))
 
 
-def _with_includes(path: Path) -> Iterator[Xml]:
+def _with_includes(path: Path) -> Iterator[_Element]:
+    from lxml import etree
+
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     root = etree.fromstring(path.read_bytes(), parser)
     yield root
@@ -157,7 +161,7 @@ def _with_includes(path: Path) -> Iterator[Xml]:
             yield from _with_includes(inner)
 
 
-def _element(element: Xml) -> Iterator[Finding]:
+def _element(element: _Element) -> Iterator[Finding]:
     attributes = {str(name): str(value) for name, value in element.attrib.items()}
     where = f"line {element.sourceline}: <{element.tag}>"
     for word in newer_words(str(element.tag), attributes):
@@ -182,7 +186,7 @@ def _element(element: Xml) -> Iterator[Finding]:
             )
 
 
-def _classes(roots: list[Xml], spec: Any) -> Iterator[Finding]:  # Any: MjSpec
+def _classes(roots: list[_Element], spec: Any) -> Iterator[Finding]:  # Any: MjSpec
     """A drive whose class is meant for another joint: the class gives joints another range."""
     nested = (child for root in roots for child in root.iterfind(".//default/default"))
     inside = {d.get("class"): [above.get("class") for above in d.iterancestors()] for d in nested}

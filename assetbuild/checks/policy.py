@@ -12,11 +12,6 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError, UsageError
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
-from assetbuild.policy.compare import compare
-from assetbuild.policy.in_mujoco import InMujoco
-from assetbuild.policy.opening import open_policy, runnable
-from assetbuild.policy.replay import replay
-from assetbuild.policy.robot import bot_from
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.actuator_table import Key, RowError
 from assetbuild.robot.files import RobotFiles
@@ -71,6 +66,12 @@ class PolicyCheck(mujoco.InMujoco):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """StepError for a policy that cannot be replayed."""
+        from assetbuild.policy.compare import compare  # few recipes name a policy
+        from assetbuild.policy.in_mujoco import InMujoco
+        from assetbuild.policy.opening import open_policy, runnable
+        from assetbuild.policy.replay import replay
+        from assetbuild.policy.robot import bot_from
+
         robot = RobotFiles(files.inputs)
         try:
             bot = bot_from(files.inputs, self.robot, robot.tree, robot.control, self.imu)

@@ -144,6 +144,12 @@ class Children:
             self._origin = self._launcher.submit(Origin).result()
         return self._origin
 
+    def rest(self) -> None:
+        """Let the workers go while no step comes; one that comes yet has new ones."""
+        with self._lock:
+            for worker in self._workers.values():
+                worker.ask_to_leave()
+
     def close(self) -> None:
         """Kill every step that runs and end the workers; two seconds at most."""
         with self._lock:

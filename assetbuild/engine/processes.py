@@ -53,6 +53,10 @@ class Processes:
         """Kill all that runs; nothing is started any more."""
         self._children.close()
 
+    def rest(self) -> None:
+        """No step comes for now."""
+        self._children.rest()
+
     @property
     def closed(self) -> bool:
         """Is nothing started any more?"""

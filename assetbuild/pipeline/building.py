@@ -200,6 +200,7 @@ def _build(
         keep_going=request.keep_going,
         on_event=on_event,
     )
+    runner.rest()
     outcomes = []
     for job, done in zip(jobs, settled.values(), strict=True):
         outcome = _finish(job, done, session, request)

@@ -36,7 +36,7 @@ from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import KeyedError
-from assetbuild.rendering.plan import looks
+from assetbuild.rendering.plan import PICTURE_MODEL, looks
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
@@ -335,6 +335,8 @@ def _checks(
         inputs = {port: outline.robot[port] for port in check.reads}
         for need in (*check.needs, *(t for t in check.also if t in outline.targets)):
             built = outline.targets.get(need)
+            if need == "mjcf" and not check.drives:
+                built = outline.looks.get(PICTURE_MODEL, built)
             inputs |= {f"{need}/": built[f"{need}/"]} if built else sources[need]
         for port, (key, path) in step.own_files().items():
             if not p.world.is_file(folder / path):

@@ -37,7 +37,7 @@ def looks(recipe: Recipe, robot: Mapping[str, Ref], pose: Ref, p: Planner) -> di
         target = load_plugin(Target, "mjcf")
         drawn = {port: robot[port] for port in ("tree.json", "shapes.json", "meshes/")}
         drawn["control.json"] = pose
-        model = p.add(PICTURE_MODEL, target.configure(recipe), drawn)
+        model = nodes[PICTURE_MODEL] = p.add(PICTURE_MODEL, target.configure(recipe), drawn)
         step = Render(renderer=renderer(p.world))
         nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})
     return nodes
