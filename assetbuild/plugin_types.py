@@ -252,6 +252,16 @@ class Plugin(Step):
         return values | {field: follows(recipe) for field, follows in cls.derived.items()}
 
 
+class Preparation(Step):
+    """What a target makes of the robot's ports beforehand: a port of its own, `outputs`.
+
+    It has no fields, and is apart so that what it does not read leaves it alone, as a new gain.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    """The robot ports that it reads."""
+
+
 class Target(Plugin):
     """Reads the Robot, writes one format below `<name>/`. It may refuse; it may not repair.
 
@@ -266,6 +276,8 @@ class Target(Plugin):
     """Folder of the bundle for what it writes; None: its own name, "": the bundle itself."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this target really reads; the rest is not linked to it."""
+    preparation: ClassVar[type[Preparation] | None] = None
+    """What makes further files that it reads."""
 
     @classmethod
     def configure(cls, recipe: RecipeView) -> Self:

@@ -16,7 +16,7 @@ from tiny import TinyRobot
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets, ReadMeshes
-from assetbuild.plugin_types import Check
+from assetbuild.plugin_types import Check, Target
 from assetbuild.robot.codec import encode
 from assetbuild.robot.shapes import Mesh, MeshFile, Shapes, SourceShape, SourceShapes
 
@@ -64,7 +64,10 @@ def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
 
 def emit(target: Step, robot: TinyRobot, folder: Path) -> list[Finding]:
     """The findings of a target, which writes the robot's files into `folder/out`."""
-    return run_step(target, write_robot_ports(folder / "in", robot), folder / "out")
+    inputs = write_robot_ports(folder / "in", robot)
+    if isinstance(target, Target) and target.preparation is not None:
+        run_step(target.preparation(), inputs, inputs)
+    return run_step(target, inputs, folder / "out")
 
 
 def compiled(robot: TinyRobot, folder: Path, file: str = "robot.xml") -> Any:

@@ -283,7 +283,7 @@ def check_present(staged: Staged) -> None:
 def collect(session: Session, action: Action, folder: Path) -> dict[str, str]:
     """Take the declared outputs into the store: name -> digest.
 
-    A folder that is a link to the folder of an input holds what that holds; nothing is copied.
+    A link to an input, or to the folder of one, stands for what that holds; nothing is copied.
     StepError names what was declared and not written, or written and not declared.
     """
     linked, folder = _linked(session, action, folder), folder / "outputs"
@@ -303,7 +303,7 @@ def collect(session: Session, action: Action, folder: Path) -> dict[str, str]:
     absent = [
         name
         for name in declared
-        if not ((folder / name).is_dir() if name.endswith("/") else name in written)
+        if not ((folder / name).is_dir() if name.endswith("/") else name in made)
     ]
     if absent:
         raise StepError(f"step `{action.label}` did not write its output {quoted(absent, 8)}")
@@ -314,21 +314,27 @@ def collect(session: Session, action: Action, folder: Path) -> dict[str, str]:
     return {
         name: store.put_tree(folder / name, below(linked, name))
         if name.endswith("/")
+        else linked[name][0]
+        if name in linked
         else store.put_file(folder / name, move=True)
         for name in declared
     }
 
 
 def _linked(session: Session, action: Action, folder: Path) -> Listing:
-    """What links in the outputs to whole folders of the inputs stand for; the links go."""
-    inputs = {str(folder / "inputs" / name[:-1]): digest
-              for name, digest in action.inputs.items() if name.endswith("/")}  # fmt: skip
+    """What links in the outputs to inputs, files or whole folders, stand for; the links go."""
+    inputs = {str(folder / "inputs" / name): name for name in action.inputs}
     listing: Listing = {}
     for path in list(filter(Path.is_symlink, (folder / "outputs").rglob("*"))):
-        digest = inputs.get(os.readlink(path))  # noqa: PTH115 # the text is compared
-        if digest is not None:
+        name = inputs.get(os.readlink(path), "")  # noqa: PTH115 # the text is compared
+        place = path.relative_to(folder / "outputs").as_posix()
+        if name:
             path.unlink()
+        if name.endswith("/"):
             path.mkdir()
-            place = path.relative_to(folder / "outputs").as_posix()
-            listing |= {f"{place}/{name}": held for name, held in session.tree(digest).items()}
+            held = session.tree(action.inputs[name])
+            listing |= {f"{place}/{member}": file for member, file in held.items()}
+        elif name:
+            digest = action.inputs[name]
+            listing[place] = (digest, session.object(digest).stat().st_size)
     return listing

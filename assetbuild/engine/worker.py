@@ -58,7 +58,7 @@ def main() -> None:
 def _serve(config: dict[str, Any], door: socket.socket) -> NoReturn:  # Any: JSON
     die_with_parent(config["parent"], signal.SIGTERM)
     _redirect(config["log"])
-    gc.set_threshold(50_000, 20)  # as in the process that builds
+    gc.set_threshold(200_000, 20)  # as in the process that builds
     for module in config["preload"]:
         with suppress(ImportError):  # the step that needs it will say so itself
             importlib.import_module(module)

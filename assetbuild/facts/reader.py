@@ -185,7 +185,8 @@ class Reader(Check):
         proof = self.prove(reference, path)
         write_figures(files, {"facts": proof.compared, "differ": len(proof.differences)})
         yield from proof.findings
-        yield from self.losses(robot_table(reference))
+        if any(isinstance(reason, Lost) for reason in self.lacks.values()):
+            yield from self.losses(robot_table(reference))
 
     @classmethod
     def losses(cls, table: Table) -> Iterator[Finding]:

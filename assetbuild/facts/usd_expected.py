@@ -261,15 +261,17 @@ def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:
 def _shape_pairs(reference: Reference) -> Iterator[tuple[str, str]]:
     """Single shapes whose masks never meet, of bodies that may touch otherwise."""
     tree = reference.tree
-    solid = grouped(reference.shapes.of("collision"), lambda s: tree.placement(s.link)[0])
     control, contacts = reference.control, dict(reference.control.contacts)
+    surfaces = [
+        (s, contacts.get(s.name, control.contact)) for s in reference.shapes.of("collision")
+    ]
+    able = [(s, surface) for s, surface in surfaces if surface.contype or surface.conaffinity]
+    solid = grouped(able, lambda one: tree.placement(one[0].link)[0])
     pairs = filtered_pairs(tree, reference.shapes, control)
     filtered = {frozenset(pair) for pair in pairs}
     for one, two in itertools.combinations(solid, 2):
         if frozenset((one, two)) in filtered:
             continue
-        for a, b in itertools.product(solid[one], solid[two]):
-            first, second = (contacts.get(shape.name, control.contact) for shape in (a, b))
-            touch = all(s.contype or s.conaffinity for s in (first, second))
-            if touch and not masks_meet(first, second):
+        for (a, first), (b, second) in itertools.product(solid[one], solid[two]):
+            if not masks_meet(first, second):
                 yield a.name, b.name

@@ -224,16 +224,17 @@ def pair_facts(
     by_path |= {path: [*colliders] for path in articulated}
     sides = [[by_path.get(path, ()) for path in pair] for pair in filters]
     sides += [[of_body.get(body, ()) for body in pair] for pair in apart]
-    never = {frozenset(pair) for two in sides for pair in itertools.product(*two)}
+    never = {frozenset((a.path, b.path)) for two in sides for a, b in itertools.product(*two)}
     bodies_in_order = sorted(of_body, key=lambda path: names.get(path, path))
     for left, right in itertools.combinations(bodies_in_order, 2):
         solid = ([one for one in of_body[body] if one.touches] for body in (left, right))
-        kept = {pair: frozenset(pair) in never for pair in itertools.product(*solid)}
-        if all(kept.values()):
+        pairs = list(itertools.product(*solid))
+        kept = [pair for pair in pairs if frozenset(one.path for one in pair) in never]
+        if len(kept) == len(pairs):
             named = pair_name(names.get(left, left), names.get(right, right))
             table.put("pair", named, {"filtered": True})
             continue
-        for a, b in (pair for pair in kept if kept[pair]):
+        for a, b in kept:
             table.put("shape pair", pair_name(a.name, b.name), {"usd:filtered": True})
 
 

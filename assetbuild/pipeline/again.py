@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -181,13 +181,17 @@ def _write(
             held.setdefault(port, {})[name] = p.source(folder / "in" / name)
         rated = p.add("ratings", KeepRatings(), held["tree.json"] | held["control.json"])
         held["ratings.json"] = {"ratings.json": rated["ratings.json"]}
-        if any("triangles.npz" in step.reads for step in steps.values()):
+        prepared = [step.preparation for step in steps.values() if step.preparation is not None]
+        if prepared:
             shown = held["shapes.json"] | held["meshes/"]
             read = p.add("read_meshes", ReadMeshes(), shown)
             held["triangles.npz"] = {"triangles.npz": read["triangles.npz"]}
+        for before in prepared:
+            made = p.add(before.step_name(), before(), _inputs(before.reads, held))
+            held |= {output: {output: made[output]} for output in before.outputs}
         for name, step in steps.items():
-            inputs = {name: ref for port in step.reads for name, ref in held[port].items()}
-            p.add(name, step, inputs)
+            own = step.preparation.outputs if step.preparation is not None else ()
+            p.add(name, step, _inputs((*step.reads, *own), held))
 
     done = settle_all({"": add}, session, keep_going=True)[""]
     writers: dict[str, str] = {}
@@ -201,6 +205,10 @@ def _write(
             if writers.setdefault(there, name) == name:
                 session.store.restore(digest, folder / "again" / there)
     return Again(folder / "again", writers, tuple(refused))
+
+
+def _inputs(ports: Iterable[str], held: Mapping[str, Mapping[str, Ref]]) -> dict[str, Ref]:
+    return {name: ref for port in ports for name, ref in held[port].items()}
 
 
 def _made(outputs: Mapping[str, str], session: Session) -> Iterator[tuple[str, str]]:

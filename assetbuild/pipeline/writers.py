@@ -31,7 +31,12 @@ def patterns(recipe: Recipe) -> dict[str, list[str]]:
 def code_of_writers(kinds: Mapping[str, type[Step]], code: Code) -> dict[str, str]:
     """A digest for each writer; some read ratings and triangles, which are made on the way."""
     made = {**code.of(KeepRatings).modules, **code.of(ReadMeshes).modules}
-    return {name: code_digest({**made, **code.of(kind).modules}) for name, kind in kinds.items()}
+    digests = {}
+    for name, kind in kinds.items():
+        before = getattr(kind, "preparation", None)
+        own = {**code.of(kind).modules, **(code.of(before).modules if before else {})}
+        digests[name] = code_digest({**made, **own})
+    return digests
 
 
 def writer_kinds(names: Iterable[str]) -> dict[str, type[Target]]:

@@ -286,6 +286,10 @@ def add_target(
     """The node of a target that writes the robot. label: the target's name by default."""
     target = load_plugin(Target, name)
     ports = {port: robot[port] for port in target.reads}
+    if (before := target.preparation) is not None:
+        read = {port: robot[port] for port in before.reads}
+        made = p.add(before.step_name(), before(), read)
+        ports |= {output: made[output] for output in before.outputs}
     return p.add(label or name, target.configure(recipe), ports)
 
 

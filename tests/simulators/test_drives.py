@@ -12,7 +12,7 @@ from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.mujoco import motion as mujoco_motion
 from assetbuild.simulators.mujoco import stand as mujoco_stand
 from assetbuild.simulators.mujoco import trials as mujoco_trials
-from assetbuild.simulators.mujoco.drives import read_drives, servoed, torque_on
+from assetbuild.simulators.mujoco.drives import read_drives, servoed, torques
 
 ARM = """<mujoco><option gravity="0 0 0"/><worldbody><body name="arm">
 <joint name="elbow" type="{kind}" axis="0 0 1" {joint}/><geom size="0.1" mass="1"/>
@@ -121,7 +121,7 @@ def test_the_effort_limit_is_what_mujoco_pushes_with_at_most(
     actuators: str, joint: str, expected: tuple[float, float]
 ) -> None:
     model = arm(actuators, joint)
-    assert torque_on(model, 0) == pytest.approx(expected)
+    assert torques(model)[0] == pytest.approx(expected)
     if math.isfinite(expected[0]) and actuators:
         reached = [torque(model, ctrl, q) for ctrl in (-1e3, 1e3) for q in (-1.0, 1.0)]
         assert (min(reached), max(reached)) == pytest.approx(expected)
@@ -145,7 +145,7 @@ def test_a_servo_that_replaces_a_geared_motor_has_the_gains_of_the_table() -> No
     law = Actuator("elbow", "ideal_pd", kp=30.0, kd=2.0, effort=4.0)
     mujoco_motion.drive_as(model, {"elbow": law})
     gains = [sum(getattr(drive, gain) for drive in read_drives(model)) for gain in ("kp", "kd")]
-    assert (*gains, torque_on(model, 0)) == (30.0, 2.0, (-4.0, 4.0))
+    assert (*gains, torques(model)[0]) == (30.0, 2.0, (-4.0, 4.0))
     assert model.actuator_biasprm[1].tolist() == [0.0] * 10
 
 

@@ -187,8 +187,8 @@ class MjcfReader(Reader):
         """Leave out what MJCF does not hold, and what the source's own MJCF already states."""
         opaque, unseen = opaque_of(reference), set[str]()
         for name in () if self.visuals else table.names("shape"):
-            shape = table.of("shape", name)
-            if not shape.get("contype") and not shape.get("conaffinity"):
+            masks = (Key("shape", name, mask) for mask in ("contype", "conaffinity"))
+            if not any(map(table.facts.get, masks)):
                 unseen.add(name)
         return table.only(
             lambda key: (

@@ -264,15 +264,17 @@ def overlaps(
 
     floor: with floors, too, whose name is "".
     """
+    geoms, distances = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
+    bodies, in_floor = model.geom_bodyid[geoms], np.isin(geoms, floors(model))
+    counted = np.where(in_floor.any(axis=1), floor, bodies.all(axis=1))
+    numbers = np.where(in_floor, -1, bodies if kind == "body" else geoms)[counted]
+    deepest: dict[tuple[int, int], float] = {}
+    for (a, b), distance in zip(numbers.tolist(), distances[counted].tolist(), strict=True):
+        deepest[a, b] = max(deepest.get((a, b), 0.0), -distance)
     depths: dict[tuple[str, str], float] = {}
-    planes = set(floors(model))
-    for contact in data.contact[: data.ncon]:
-        geoms = [int(geom) for geom in contact.geom]
-        bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
-        if floor if planes & set(geoms) else 0 not in bodies:
-            numbers = zip(geoms, bodies if kind == "body" else geoms, strict=True)
-            a, b = sorted("" if g in planes else name_of(model, kind, n) for g, n in numbers)
-            depths[a, b] = max(depths.get((a, b), 0.0), -float(contact.dist))
+    for pair, depth in deepest.items():
+        first, second = sorted("" if n < 0 else name_of(model, kind, n) for n in pair)
+        depths[first, second] = max(depths.get((first, second), 0.0), depth)
     return dict(sorted(depths.items()))
 
 
@@ -289,8 +291,13 @@ def first_command(model: Model, actuator: int) -> int:
 
 def turning(model: Model) -> list[int]:
     """Return the numbers of all hinges and slides."""
+    return [joint for joint in range(model.njnt) if turns(model, joint)]
+
+
+def turns(model: Model, joint: int) -> bool:
+    """Whether it is a hinge or a slide."""
     kinds = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
-    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
+    return int(model.jnt_type[joint]) in kinds
 
 
 def joints(model: Model) -> dict[str, int]:
@@ -359,9 +366,11 @@ def floors(model: Model) -> list[int]:
 
 def floor_contacts(model: Model, data: Data) -> list[tuple[int, int]]:
     """(number of the contact, the robot's geom in it) of contacts with a floor."""
-    planes, pairs = set(floors(model)), data.contact.geom[: data.ncon].tolist()
-    touching = ((i, set(pair) - planes) for i, pair in enumerate(pairs))
-    return [(i, geoms.pop()) for i, geoms in touching if len(geoms) == 1]
+    geoms = data.contact.geom[: data.ncon]
+    in_floor = np.isin(geoms, floors(model))
+    touching = np.flatnonzero(in_floor[:, 0] != in_floor[:, 1])
+    ours = geoms[touching, in_floor[touching, 0].astype(int)]
+    return list(zip(touching.tolist(), ours.tolist(), strict=True))
 
 
 def collision_geoms(model: Model) -> list[int]:

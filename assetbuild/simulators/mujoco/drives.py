@@ -14,6 +14,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
+from assetbuild.grouping import grouped
 from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
@@ -87,7 +88,7 @@ def read_drive(model: Model, index: int) -> Drive | None:
     """One actuator; None when its transmission is no hinge or slide, nor joints that one leads."""
     straight = (int(mj.mjtTrn.mjTRN_JOINT), int(mj.mjtTrn.mjTRN_JOINTINPARENT))
     joint = int(model.actuator_trnid[index, 0])
-    if int(model.actuator_trntype[index]) in straight and joint in mujoco.turning(model):
+    if int(model.actuator_trntype[index]) in straight and mujoco.turns(model, joint):
         return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
     lever = tendon_lever(model, index)
     return _drive(model, index, *lever) if lever else None
@@ -146,10 +147,12 @@ def servoed(model: Model, control: Control, laws: Collection[str] = OUTSIDE) -> 
     return changed
 
 
-def torque_on(model: Model, joint: int) -> Range:
-    """What all drives of a joint can apply, within its own `actuatorfrcrange`, N m or N."""
-    torques = [drive.torque for drive in read_drives(model) if drive.joint == joint]
-    return _on_joint(model, joint, (sum(low for low, _ in torques), sum(up for _, up in torques)))
+def torques(model: Model) -> dict[int, Range]:
+    """What all drives of each joint can apply, within its own `actuatorfrcrange`, N m or N."""
+    by_joint = grouped(read_drives(model), lambda drive: drive.joint)
+    ends = {joint: [drive.torque for drive in drives] for joint, drives in by_joint.items()}
+    return {joint: _on_joint(model, joint, (sum(low for low, _ in each), sum(up for _, up in each)))
+            for joint, each in ends.items()}  # fmt: skip
 
 
 def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from assetbuild.simulators.mujoco import Model, mj, turning
+from assetbuild.simulators.mujoco import Model, mj, turns
 
 CLOSE = 1e-12
 """Length at which a tendon counts from the leader's 0, m or rad."""
@@ -90,7 +90,7 @@ def _led(model: Model, joint: int) -> tuple[int, float, float]:
     """(leader, m, b) with q = m q(leader) + b, along all couplings; (-1, 0, 0) without a leader."""
     multiplier, offset = 1.0, 0.0
     for _ in range(model.njnt):
-        if joint not in turning(model):
+        if not turns(model, joint):
             break
         coupled = _coupling(model, joint)
         if coupled is None:

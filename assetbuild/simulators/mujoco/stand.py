@@ -13,7 +13,7 @@ from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import read_drives, torque_on
+from assetbuild.simulators.mujoco.drives import read_drives, torques
 
 
 @dataclass(frozen=True)
@@ -175,8 +175,9 @@ def _on_floor(model: Model, data: Data) -> set[str]:
 
 
 def _load(model: Model, data: Data, joints: Mapping[str, int]) -> Iterator[tuple[str, float]]:
+    most = torques(model)
     for name, joint in joints.items():
-        lower, upper = torque_on(model, joint)
+        lower, upper = most.get(joint, (0.0, 0.0))
         torque = float(data.qfrc_actuator[int(model.jnt_dofadr[joint])])
         limit = upper if torque > 0.0 else -lower
         if 0.0 < limit < math.inf:

@@ -15,7 +15,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.drives import read_drives, torque_on
+from assetbuild.simulators.mujoco.drives import read_drives, torques
 
 Depths = Mapping[tuple[str, str], float]
 SWING_RAD, SWING_M = 0.1, 0.02
@@ -85,9 +85,9 @@ def shake(model: Model, action: Action) -> tuple[float | None, str, float] | Non
     servos = [drive for drive in read_drives(model) if drive.holds_position]
     if not servos:
         return None
-    scales = []
+    scales, most = [], torques(model)
     for drive in servos:
-        lower, upper = torque_on(model, drive.joint)
+        lower, upper = most[drive.joint]
         effort, slides = max(-lower, upper), int(model.jnt_type[drive.joint]) == 2
         scale = action.scale(effort if effort < math.inf else None, drive.kp, slides=slides)
         scales.append(drive.command_step(scale))

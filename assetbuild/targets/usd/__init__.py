@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.plugin_types import Target
+from assetbuild.plugin_types import Preparation, Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.sections import About
 from assetbuild.simulators.usd_options import UsdOptions
@@ -18,20 +18,37 @@ from assetbuild.simulators.usd_options import UsdOptions
 _ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FILE")
 
 
+PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
+
+
+class UsdGeometries(Preparation):
+    """`geometries.usdc`: each mesh once."""
+
+    own_name = "usd_geometries"
+    outputs = ("geometries.usdc",)
+    reads: ClassVar[tuple[str, ...]] = ("shapes.json", "triangles.npz")
+    isolated: ClassVar[bool] = True
+    preload = PRELOAD
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Writes the library of meshes."""
+        with plain_environment():
+            from assetbuild.targets.usd.geometry import write_library
+
+            robot = RobotFiles(files.inputs)
+            write_library(files.outputs, robot.shapes, robot.triangles)
+        yield from ()
+
+
 class Usd(Target):
     """`usd/<robot>.usda`, `usd/payloads/...` and `usd/scene.usda`."""
 
     usual_s = 1.0
     outputs = ("usd/",)
-    reads: ClassVar[tuple[str, ...]] = (
-        "tree.json",
-        "shapes.json",
-        "control.json",
-        "meshes/",
-        "triangles.npz",
-    )
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
+    preparation = UsdGeometries
     isolated: ClassVar[bool] = True
-    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
+    preload = PRELOAD
 
     sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
     recipe_fields: ClassVar[Mapping[str, str]] = {

@@ -41,7 +41,7 @@ from assetbuild.targets.usd.colliders import (
     define_surface,
     touching_neighbours,
 )
-from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
+from assetbuild.targets.usd.geometry import write_instances, write_materials
 from assetbuild.targets.usd.joints import (
     apply_articulation,
     define_actuators,
@@ -49,6 +49,7 @@ from assetbuild.targets.usd.joints import (
     define_loops,
 )
 from assetbuild.targets.usd.layers import (
+    GEOMETRIES,
     PAYLOADS,
     apply_foreign,
     label,
@@ -77,7 +78,8 @@ def write_asset(
     tree, shapes, control = files.tree, files.shapes.all_coloured, files.control
     names = PrimPaths(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
-    write_library(payloads, names, files.triangles)
+    payloads.mkdir(parents=True)
+    (payloads / GEOMETRIES).symlink_to(files.folder / GEOMETRIES)
     write_materials(payloads, names, shapes, files.mesh_dir)
     write_instances(payloads, names, shapes, instanceable=options.instanceable)
     write_base(payloads, names, robot, control.cameras)

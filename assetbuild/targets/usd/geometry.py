@@ -15,21 +15,22 @@ from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Material, Mesh, Shape, Shapes, Sphere
 from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
-from assetbuild.targets.usd.names import PrimPaths
+from assetbuild.targets.usd.names import PrimPaths, asset_names
 
 LIBRARY = "/Geometries"
 
 
-def write_library(folder: Path, names: PrimPaths, triangles: Path) -> None:
+def write_library(folder: Path, shapes: Shapes, triangles: Path) -> None:
     """`geometries.usdc`: `/Geometries/<asset>/mesh` for each asset, no more than once.
 
     An instance needs a parent to share, a collider the mesh itself: hence the two levels.
     """
+    names = asset_names(shapes)
     stage = new_stage(folder / GEOMETRIES)
     library = UsdGeom.Scope.Define(stage, LIBRARY)
     stage.SetDefaultPrim(library.GetPrim())
     for name, mesh in read_meshes(triangles, surface=True).items():
-        path = f"{LIBRARY}/{names.assets[name]}"
+        path = f"{LIBRARY}/{names[name]}"
         # No displayName here: it would come through the reference and name the shapes wrongly.
         UsdGeom.Xform.Define(stage, path)
         _define_mesh(stage, f"{path}/mesh", mesh)
@@ -53,10 +54,11 @@ def _define_mesh(stage: Usd.Stage, path: str, triangles: TriangleMesh) -> None:
         primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.faceVarying)
         primvar.Set(Vt.Vec2fArray.FromNumpy(triangles.uv.astype(np.float32).reshape(-1, 2)))
     # Polygons without normals are shown flat: one normal per face says the same aloud.
-    normals, kind = face_normals(triangles), UsdGeom.Tokens.uniform
-    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)  # a face without area has none
     if triangles.normals is not None:
         normals, kind = triangles.normals, UsdGeom.Tokens.faceVarying
+    else:
+        normals, kind = face_normals(triangles), UsdGeom.Tokens.uniform
+        normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)  # a face without area has none
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32).reshape(-1, 3)))
     mesh.SetNormalsInterpolation(kind)
 

@@ -46,6 +46,11 @@ RENAMED = Rule(
 )
 
 
+def asset_names(shapes: Shapes) -> dict[str, str]:
+    """Identifier of each mesh in the library, by its name."""
+    return usd_identifiers(mesh.name for mesh in shapes.meshes)
+
+
 class PrimPaths:
     """Identifiers of everything in one robot, and the prim paths made of them."""
 
@@ -56,7 +61,7 @@ class PrimPaths:
         self.joints = joint_identifiers(tree)
         self.shapes = usd_identifiers(s.name for s in shapes.shapes)
         self.materials = usd_identifiers(m.name for m in shapes.materials)
-        self.assets = usd_identifiers(m.name for m in shapes.meshes)
+        self.assets = asset_names(shapes)
 
     def body(self, name: str) -> str:
         """Prim path of a body."""
