@@ -59,15 +59,14 @@ def as_source(shapes: Shapes | SourceShapes) -> SourceShapes:
 def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
     """Runs `step` on two folders, as the engine would, and returns its findings."""
     outputs.mkdir(parents=True, exist_ok=True)
+    if isinstance(step, Target) and step.preparation is not None:
+        run_step(step.preparation(), inputs, inputs)
     return list(step.run(Files(inputs=inputs, outputs=outputs)))
 
 
 def emit(target: Step, robot: TinyRobot, folder: Path) -> list[Finding]:
     """The findings of a target, which writes the robot's files into `folder/out`."""
-    inputs = write_robot_ports(folder / "in", robot)
-    if isinstance(target, Target) and target.preparation is not None:
-        run_step(target.preparation(), inputs, inputs)
-    return run_step(target, inputs, folder / "out")
+    return run_step(target, write_robot_ports(folder / "in", robot), folder / "out")
 
 
 def compiled(robot: TinyRobot, folder: Path, file: str = "robot.xml") -> Any:

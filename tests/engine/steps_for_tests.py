@@ -78,6 +78,20 @@ class Write(Step):
         return ()
 
 
+class PassOn(Step):
+    """Links to what it read, under names of its own; or to `place`, which is no input."""
+
+    outputs = ("out/", "same")
+    place: str = ""
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        (files.outputs / "out/deep").mkdir(parents=True)
+        (files.outputs / "out/own").write_text("own")
+        (files.outputs / "out/deep/parts").symlink_to(self.place or files.inputs / "parts")
+        (files.outputs / "same").symlink_to(files.inputs / "names.json")
+        return ()
+
+
 class Misbehave(Step):
     """Fails in one of many ways, in a child process."""
 

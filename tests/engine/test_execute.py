@@ -15,6 +15,7 @@ from steps_for_tests import (
     Mix,
     MixInChild,
     MixInParent,
+    PassOn,
     Slow,
     Split,
     Write,
@@ -105,6 +106,29 @@ def test_outputs_are_those_declared(session, written, message):
         assert isinstance(result.error, StepError)
         assert message in str(result.error)
         assert "`it`" in str(result.error)
+
+
+def test_a_link_to_an_input_is_an_output_that_holds_the_same(session, source):
+    source.write_text("a 1\nb/c 2\n")
+    planner = Planner(session)
+    split = planner.add("split", Split(), {"in": planner.source(source)})
+    inputs = {name: split[name] for name in Split.outputs}
+    passed = planner.add("pass on", PassOn(), inputs)
+    mixes = {"linked": passed["out/"] / "deep/parts/", "whole": passed["out/"]}
+    for label, ref in {"split's": split["parts/"], **mixes}.items():
+        planner.add(label, Mix(), {"x/": ref})
+    results = execute(planner.graph(), session)
+    assert results["pass on"]["same"] == results["split"]["names.json"]
+    assert results["linked"]["out"] == results["split's"]["out"]
+    listing = session.tree(results["pass on"]["out/"])
+    assert set(listing) == {"own", "deep/parts/a", "deep/parts/b/c"}
+    assert (session.view(results["pass on"]["out/"]) / "deep/parts").is_symlink(), (
+        "one view of both"
+    )
+
+    planner.add("elsewhere", PassOn(place="/etc"), inputs)
+    error = execute(planner.graph(), session, keep_going=True)["elsewhere"].error
+    assert "output `out/deep/parts` is not a regular file" in str(error)
 
 
 def test_writing_to_an_input_fails_the_step_and_the_store_heals(session, source):

@@ -290,8 +290,9 @@ def test_files_say_nothing_of_the_machine_and_name_one_another_relatively(tmp_pa
     script = (
         "import sys, pathlib\n"
         "from assetbuild.engine.step import Files\n"
-        "from assetbuild.targets.usd import Usd\n"
+        "from assetbuild.targets.usd import Usd, UsdGeometries\n"
         "folder = pathlib.Path(sys.argv[1])\n"
+        "list(UsdGeometries().run(Files(folder / 'in', folder / 'in')))\n"
         "list(Usd(robot='robot').run(Files(folder / 'in', folder / 'out')))\n"
     )
     environment = os.environ | {"PYTHONHASHSEED": "7", "TZ": "Asia/Kathmandu"}

@@ -91,7 +91,9 @@ def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None
     wanted = {asset.file for asset in shapes.meshes}
     wanted |= {material.texture for material in shapes.materials if material.texture}
     assets = path.parent / "assets"
-    if wanted and wanted == {file.name for file in meshes.iterdir()}:
+    if assets.is_symlink():  # `init` writes several, one over the other
+        assets.unlink()
+    if wanted == {file.name for file in meshes.iterdir()} and wanted and not assets.exists():
         assets.symlink_to(meshes)
         return
     for name in sorted(wanted):
