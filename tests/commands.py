@@ -125,7 +125,7 @@ def serve() -> None:
     for kind in map(kind_of, steps):
         workers.door(kind)
     children.Children.door = lambda self, kind: workers.door(kind)
-    children.begin = lambda: None
+    children.begin = lambda **_: None
     gc.freeze()  # so that the end of a fork does not touch, and copy, all of it
     answers = os.dup(1)
     for line in iter(sys.stdin.buffer.readline, b""):

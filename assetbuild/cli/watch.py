@@ -14,7 +14,7 @@ from assetbuild.engine.questions import STAMP, answer
 from assetbuild.engine.world import World, files_in
 from assetbuild.errors import AssetBuildError
 
-PAUSE_S = 0.25
+PAUSE_S = 0.1
 """Between two looks at the files. Looking works on every file system; notices do not."""
 
 

@@ -13,7 +13,7 @@ import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from assetbuild.engine.cpu import cpu_class
@@ -97,8 +97,8 @@ class Children:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.closed = False
-        self._origin = _EARLY.pop() if _EARLY else None
-        self._workers: dict[Kind, Worker] = {}
+        early = _EARLY.pop() if _EARLY else _Early()
+        self._origin, self._workers = early.origin, early.workers
         self._lock = threading.Lock()
         # The kernel's parent-death signal is tied to the *thread* that starts a process, so it is
         # started by one thread that lives as long as this object.
@@ -147,7 +147,7 @@ class Children:
     def rest(self) -> None:
         """Let the workers go while no step comes; one that comes yet has new ones."""
         with self._lock:
-            for worker in self._workers.values():
+            for worker in self._workers.values() if not _KEEPING else ():
                 worker.ask_to_leave()
 
     def close(self) -> None:
@@ -155,6 +155,10 @@ class Children:
         with self._lock:
             self.closed = True
             workers = list(self._workers.values())
+            if _KEEPING and not any(worker.busy for worker in workers):
+                _EARLY.append(_Early(self._origin, dict(self._workers)))
+                self._launcher.shutdown(wait=False)
+                return
             self._workers.clear()
         for worker in workers:
             worker.ask_to_leave()
@@ -241,15 +245,28 @@ class Origin(Door):
         self._end.close()
 
 
-_EARLY: list[Origin] = []
-"""At most one, which the first `Children` of this process takes over."""
+@dataclass(frozen=True)
+class _Early:
+    """What runs before a build needs it."""
+
+    origin: Origin | None = None
+    workers: dict[Kind, Worker] = field(default_factory=dict)
 
 
-def begin() -> None:
-    """Start the first process: it imports while the recipe is read. Called by the main thread."""
+_EARLY: list[_Early] = []
+"""At most one, which the next `Children` of this process takes over."""
+_KEEPING: list[bool] = []
+
+
+def begin(*, keep: bool = False) -> None:
+    """Start the first process: it imports while the recipe is read. Called by the main thread.
+
+    keep: what one build has started serves the next one of this process too.
+    """
     with suppress(OSError):  # the build says what is wrong
         if not _EARLY:
-            _EARLY.append(Origin())
+            _EARLY.append(_Early(Origin()))
+    _KEEPING[:] = [True] if keep else []
 
 
 class Worker(Door):
@@ -268,6 +285,11 @@ class Worker(Door):
         return (
             int(json.loads(self._received).get("pid", 0)) if self._received.endswith(b"\n") else 0
         )
+
+    @property
+    def busy(self) -> bool:
+        """Does it run a step?"""
+        return bool(self._groups)
 
     @property
     def dead(self) -> bool:

@@ -28,7 +28,9 @@ from steps_for_tests import (
 from assetbuild.engine import children
 from assetbuild.engine.children import Children
 from assetbuild.engine.processes import Processes
+from assetbuild.engine.session import Session
 from assetbuild.engine.step import Limits
+from assetbuild.engine.store import Store
 from assetbuild.engine.wire import error_of_exception
 from assetbuild.errors import MachineError, SourceError, StepError, Where
 
@@ -111,10 +113,28 @@ def test_modules_are_imported_once_for_many_steps(session):
 def test_a_process_that_began_before_the_build_forks_its_workers(session, tmp_path):
     for _ in range(2):
         children.begin()
-    (early,) = children._EARLY
+    origin = children._EARLY[0].origin
     assert one(session, MixInChild()).error is None
     assert not children._EARLY
-    assert early.dead, "it ends with the build"
+    assert origin.dead, "it ends with the build"
+
+
+def test_workers_that_are_kept_serve_the_next_build(tmp_path, monkeypatch):
+    monkeypatch.setattr(children, "_KEEPING", [])
+    children.begin(keep=True)
+    seen = []
+    for number in range(2):
+        with Session(Store(tmp_path / str(number))) as session:
+            assert one(session, Misbehave(how="segfault")).error is not None
+            result = one(session, Preloaded(salt=number))
+            seen.append(json.loads(session.read(result["out"]))["worker"])
+    assert seen[0] == seen[1]
+    assert is_alive(seen[0])
+    children._KEEPING.clear()
+    with Session(Store(tmp_path / "last")) as session:
+        assert one(session, MixInChild()).error is None
+    assert not is_alive(seen[0]), "they end with the last one"
+    assert not children._EARLY
 
 
 def test_a_module_that_starts_threads_is_not_forked(session):
