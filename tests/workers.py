@@ -84,4 +84,4 @@ def ready() -> Ready:
 def fork_from_ready_workers(patch: pytest.MonkeyPatch) -> None:
     """Have all builds of this process do so."""
     patch.setattr(Children, "door", lambda self, kind: ready().door(kind))
-    patch.setattr(children, "begin", lambda: None)
+    patch.setattr(children, "begin", lambda **_: None)

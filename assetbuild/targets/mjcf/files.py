@@ -93,7 +93,7 @@ def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None
     assets = path.parent / "assets"
     if assets.is_symlink():  # `init` writes several, one over the other
         assets.unlink()
-    if wanted == {file.name for file in meshes.iterdir()} and wanted and not assets.exists():
+    if wanted and wanted == {file.name for file in meshes.iterdir()} and not assets.exists():
         assets.symlink_to(meshes)
         return
     for name in sorted(wanted):
