@@ -146,8 +146,10 @@ class Children:
 
     def rest(self) -> None:
         """Let the workers go while no step comes; one that comes yet has new ones."""
+        if _KEEPING:
+            return
         with self._lock:
-            for worker in self._workers.values() if not _KEEPING else ():
+            for worker in self._workers.values():
                 worker.ask_to_leave()
 
     def close(self) -> None:

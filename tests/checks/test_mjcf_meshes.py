@@ -84,3 +84,11 @@ def test_what_an_mjcf_does_with_a_mesh_is_seen_though_its_file_is_known(
     assert "equal.mjcf.corner_moments" in rules(
         run_step(MjcfFacts(robot="robot"), inputs, tmp_path)
     )
+
+
+def test_a_mesh_file_that_is_not_there_is_what_mujoco_says(tmp_path: Path) -> None:
+    inputs = mjcf_inputs(tmp_path, tiny_quadruped())
+    (inputs / "mjcf/assets/trunk_box.obj").unlink()
+    (found,) = run_step(MjcfFacts(robot="robot"), inputs, tmp_path)
+    assert found.rule == "equal.unreadable"
+    assert "trunk_box.obj" in found.message

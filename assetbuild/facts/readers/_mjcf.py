@@ -204,18 +204,18 @@ def _leave_out_seen(spec: Any, path: Path, seen: Mapping[str, Surface]) -> dict[
 
     Any: MuJoCo's MjSpec. The check `mjcf_meshes` has read these files.
     """
-    folder = path.parent / spec.meshdir
-    known = {
-        mesh.name: seen.get(digest_file(folder / mesh.file))
-        for mesh in spec.meshes
-        if all(np.array_equal(getattr(mesh, name), value) for name, value in AS_IN_FILE.items())
-    }
-    drawn = {
-        geom.name: known.get(geom.meshname)
+    known = dict[str, Surface]()
+    for mesh in spec.meshes:
+        file = path.parent / spec.meshdir / mesh.file
+        as_it_is = all(np.array_equal(getattr(mesh, n), value) for n, value in AS_IN_FILE.items())
+        if as_it_is and file.is_file() and (surface := seen.get(digest_file(file))) is not None:
+            known[mesh.name] = surface
+    surfaces = {
+        geom.name: known[geom.meshname]
         for geom in spec.geoms
-        if geom.name and geom.meshname and not geom.contype and not geom.conaffinity
-    }
-    surfaces = {name: surface for name, surface in drawn.items() if surface is not None}
+        if geom.name and geom.meshname in known and geom.type == mj.mjtGeom.mjGEOM_MESH
+        and not geom.contype and not geom.conaffinity
+    }  # fmt: skip
     leave_out_meshes(spec, lambda geom: geom.name in surfaces)
     return surfaces
 
