@@ -10,7 +10,7 @@ import codecs
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, cast, get_args
+from typing import TYPE_CHECKING, Literal, cast
 from xml.parsers import expat
 
 if TYPE_CHECKING:
@@ -23,7 +23,32 @@ else:  # lxml itself is imported inside of functions
 FaultKind = Literal[
     "declaration", "comment", "encoding", "ampersand", "space", "prefix", "end", "namespace"
 ]
-FAULTS: tuple[FaultKind, ...] = get_args(FaultKind)
+FAULTS: dict[FaultKind, tuple[str, str]] = {
+    "declaration": (
+        "`<?xml ...?>` stands twice, not at the start, or states no version of XML",
+        'write `<?xml version="1.0"?>` once, as the first bytes of the file',
+    ),
+    "comment": ("`--` inside of a comment", "write `-` once"),
+    "encoding": (
+        "the text is not in the encoding that it states; what could not be read is comment",
+        "save the file as UTF-8 and state no other encoding",
+    ),
+    "ampersand": ("`&` stands for itself", "write `&amp;`"),
+    "space": ("no blank between two attributes", "put a blank between them"),
+    "prefix": (
+        "a prefix is declared nowhere; its elements and attributes are left out",
+        'declare it at the root element: `xmlns:NAME="..."`, or remove what has it',
+    ),
+    "end": (
+        "more text follows the end of the root element; it is not read",
+        "remove what follows it",
+    ),
+    "namespace": (
+        "`xmlns` puts all elements into a namespace, which readers ignore",
+        "remove `xmlns`",
+    ),
+}
+"""Fault of the text -> what it is, and how to mend it."""
 
 _UNDECLARED_PREFIX, _ODD_NAMESPACE = 201, 99
 """Types of libxml2's errors after which its tree is whole."""

@@ -241,7 +241,7 @@ def _defaults(files: list[Path]) -> dict[str, str]:
     defaults: dict[str, str] = {}
     for path in files:
         try:
-            root = read_xml(path.read_bytes(), path.name, "xacro").element
+            root, _ = read_xml(path.read_bytes(), path.name, "xacro")
         except SourceError:
             continue  # xacro has read it; only the list of arguments is shorter
         for element in root.iter(*(f"{{{uri}}}arg" for uri in XACRO)):

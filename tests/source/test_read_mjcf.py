@@ -74,6 +74,26 @@ def test_positions_count_from_ref_and_degrees_become_radians(arm: Reading):
     )
 
 
+@pytest.mark.parametrize(
+    ("written", "kind"),
+    [
+        ('<geom name="g"size=".1"/>', "space"),
+        ("<!-- --- a --- --><geom size='.1'/>", "comment"),
+        ('<geom name="a&b" size=".1"/>', "ampersand"),
+    ],
+)
+def test_faults_of_the_text_that_mujoco_overlooks_are_reported(
+    written: str, kind: str, tmp_path: Path
+):
+    part = f'<mujoco>\n<worldbody><body name="a">{written}</body></worldbody></mujoco>'
+    reading = read(robot("", head='<include file="part.xml"/>'), tmp_path, part_xml=part)
+    compiled = mujoco.MjModel.from_xml_path(f"{tmp_path}/in/tree/arm/robot.xml")
+    assert reading.links.root == compiled.body(1).name
+    (found,) = [finding for finding in reading.findings if finding.rule == "mjcf.xml"]
+    assert found.data == {"fault": kind, "line": 2}
+    assert found.message.endswith("(arm/part.xml:2)")
+
+
 @pytest.mark.skipif(mujoco.__version__.startswith("3."), reason="a warning of MuJoCo 4")
 def test_what_mujoco_warns_about_is_passed_on(tmp_path: Path):
     ball, head = '<body name="a"><geom size=".1"/></body>', '<compiler settotalmass="9"/>'

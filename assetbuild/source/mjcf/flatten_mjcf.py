@@ -37,7 +37,8 @@ from assetbuild.source.mjcf.text import (
     where_of,
     world_of,
 )
-from assetbuild.xml_text import free_name
+from assetbuild.source.urdf.xml import read_xml
+from assetbuild.xml_text import FAULTS, free_name
 
 REFUSED = {
     "composite": "MuJoCo 4 has none; MuJoCo 3 writes its bodies out (`mj_saveLastXML`): build that",
@@ -57,6 +58,13 @@ FREE_BASE = Rule(
     "three slides and a ball joint let the robot's root move as a free joint does: they were read "
     "as one, with the same positions and velocities",
     "nothing",
+)
+NOT_XML = Rule(
+    "mjcf.xml",
+    "warning",
+    "the text is not quite XML (`--` in a comment, no blank between two attributes, ...); MuJoCo "
+    "overlooks it",
+    "mend the line",
 )
 
 
@@ -85,7 +93,7 @@ class FlattenMjcf(Step):
 
         tree = files.inputs / "tree"
         root = write_out(_resolved(expanded(self.file, tree)), lambda asked: _attached(asked, tree))
-        findings = list(_without_sensors_of_plugins(root))
+        findings = [*_overlooked(root, tree), *_without_sensors_of_plugins(root)]
         _check_words(root, self.grammar)
         for tag, hint in REFUSED.items():
             refused = next(root.iter(tag), None)
@@ -107,6 +115,15 @@ class FlattenMjcf(Step):
         # Not `method="c14n"`: libxml2's refuses a relative namespace.
         (files.outputs / "source.xml").write_bytes(str(etree.canonicalize(root)).encode())
         yield from findings
+
+
+def _overlooked(root: Element, tree: Path) -> Iterator[Finding]:
+    """Report the faults of the text of each file that an element stands in."""
+    for file in dict.fromkeys(where_of(element).file for element in root.iter("*")):
+        for fault in read_xml((tree / file).read_bytes(), file, "MJCF")[1]:
+            what, remedy = FAULTS[fault.kind]
+            message = f"{what}: `{fault.text}` ({file}:{fault.line})"
+            yield NOT_XML("robot", message, remedy, data={"fault": fault.kind, "line": fault.line})
 
 
 def _check_words(root: Element, grammar: float) -> None:

@@ -99,7 +99,7 @@ def _parsed(path: str, tree: Path, include: Element | None) -> Element:
         where = where_of(include) if include is not None else Where(path)
         hint = did_you_mean(path, known)
         raise SourceError(f"no file `{path}` to include", where=where, hint=hint)
-    root = read_xml(file.read_bytes(), path, "MJCF").element
+    root, _ = read_xml(file.read_bytes(), path, "MJCF")
     for element in root.iter("*"):
         if element.prefix or str(element.tag).startswith("{"):
             raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")

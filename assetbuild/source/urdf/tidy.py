@@ -24,7 +24,7 @@ from assetbuild.source.urdf.quaternions import (
     tidy_version,
 )
 from assetbuild.source.urdf.xml import HOME, Node, parse
-from assetbuild.xml_text import Fault, FaultKind, number_words
+from assetbuild.xml_text import FAULTS, Fault, number_words
 
 FAULT = Rule(
     "urdf.xml",
@@ -104,32 +104,6 @@ _LISTS = {"xyz": 3, "rpy": 3, "quat_xyzw": 4, "size": 3, "scale": 3, "rgba": 4}
 """How many numbers these attributes hold; all others that are no text hold one."""
 _TEXT = frozenset({"name", "version", "filename", "type", "link", "joint"})
 _MANY = frozenset({"visual", "collision"})
-_FAULTS: dict[FaultKind, tuple[str, str]] = {
-    "declaration": (
-        "`<?xml ...?>` stands twice, not at the start, or states no version of XML",
-        'write `<?xml version="1.0"?>` once, as the first bytes of the file',
-    ),
-    "comment": ("`--` inside of a comment", "write `-` once"),
-    "encoding": (
-        "the text is not in the encoding that it states; what could not be read is comment",
-        "save the file as UTF-8 and state no other encoding",
-    ),
-    "ampersand": ("`&` stands for itself", "write `&amp;`"),
-    "space": ("no blank between two attributes", "put a blank between them"),
-    "prefix": (
-        "a prefix is declared nowhere; its elements and attributes are left out",
-        'declare it at <robot>: `xmlns:NAME="..."`, or remove what has it',
-    ),
-    "end": (
-        "more text follows the end of <robot>; it is not read",
-        "remove what follows `</robot>`",
-    ),
-    "namespace": (
-        "`xmlns` puts all elements into a namespace, which readers ignore",
-        "remove `xmlns`",
-    ),
-}
-"""Fault of the text -> what it is, and how to mend it."""
 
 
 @dataclass(frozen=True)
@@ -179,9 +153,8 @@ def _mend(root: Node, row: Sloppy) -> None:
 
 def _report_overlooked(root: Node, faults: tuple[Fault, ...]) -> None:
     """The first fault of each kind."""
-    for kind in dict.fromkeys(fault.kind for fault in faults):
-        fault = next(fault for fault in faults if fault.kind == kind)
-        what, remedy = _FAULTS[kind]
+    for kind, fault in reversed({fault.kind: fault for fault in faults[::-1]}.items()):
+        what, remedy = FAULTS[kind]
         message = f"line {fault.line}: {what}: `{fault.text}`"
         root.report(FAULT, message, remedy, data={"fault": kind, "line": fault.line})
 

@@ -189,7 +189,7 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
     """The <robot> element of a URDF, and the faults of the text that all readers overlook."""
     from lxml import etree
 
-    element, faults = _read(data, file, "URDF", overlook=True)
+    element, faults = _read(data, file, "URDF")
     node = Node(element, file)
     if None in element.nsmap and node.tag == "robot":
         for child in element.iter("*"):
@@ -206,19 +206,17 @@ def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
     return node, faults
 
 
-def read_xml(data: bytes, file: str, what: str) -> Node:
-    """Return the root element, whatever version of XML the text states: `0.0` and `1` are common.
+def read_xml(data: bytes, file: str, what: str) -> tuple[Element, tuple[Fault, ...]]:
+    """The root element, and the faults of the text that tinyxml2, and so MuJoCo, overlooks.
 
-    what: `MJCF`, for messages.
+    Whatever version of XML it states: `0.0` and `1` are common. what: `MJCF`, for messages.
     """
     match = _VERSION.match(data)
     text = data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
-    return Node(_read(text, file, what, overlook=False)[0], file)
+    return _read(text, file, what)
 
 
-def _read(
-    data: bytes, file: str, what: str, *, overlook: bool
-) -> tuple[Element, tuple[Fault, ...]]:
+def _read(data: bytes, file: str, what: str) -> tuple[Element, tuple[Fault, ...]]:
     """Read XML without entity, DTD or network; raise SourceError with the line otherwise.
 
     The parser's own bounds hold too: 256 levels, 10 MB per text.
@@ -233,7 +231,7 @@ def _read(
         message = "this is USD, which is no source of a robot"
         raise SourceError(message, where=Where(file), hint=hint)
     try:
-        return read_tree(data, overlook=overlook)
+        return read_tree(data)
     except NotXml as error:
         if error.doctype:
             hint = "a robot needs none: delete the <!DOCTYPE ...> and the entities it defines"
