@@ -49,7 +49,9 @@ _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|
 _PRESSES = re.compile(r"(?i).*(finger|thumb|grip|knuckle|digit|pink|phalan|jaw|claw|pinch|clamp).*")
 """A part that holds things against its palm, where it is the only one."""
 _NO_HAND = re.compile(rf"{_LEG.pattern}|.*(head|neck|antenna|tail).*")
-_FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
+_FLYING = re.compile(
+    r"(?i).*(propeller|flying|aerial|drone|copter|(quad|hexa|octo|multi)rotor|hector|iris).*"
+)
 _WORLD = ("world", "map", "odom", "universe")
 
 LOW = 0.15
@@ -152,9 +154,11 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
         elif joint.name in anatomy.turning:
             role_of[joint.name] = anatomy.turning[joint.name].role
         elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
-            # No finger: what a leg or a head carries, an arm of a walker, a strut with a wheel.
+            # No finger: what a leg or a head carries, an arm or rod of a walker, a wheel's strut.
             above = chain_to(tree, joint.child)
-            limb = legs and _ARM.fullmatch(joint.child) and not _PRESSES.fullmatch(joint.child)
+            arm = _ARM.fullmatch(joint.child) and not _PRESSES.fullmatch(joint.child)
+            on_trunk = tree.joint_above[limb_of(tree, joint)].parent == tree.root
+            limb = legs and (arm or on_trunk)
             other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
             if joint.name not in carries and (called or not (other or limb)):
                 role_of[joint.name] = "finger"
@@ -350,8 +354,9 @@ def _moves(
     links, tree = robot.links, robot.tree
     if robot.floats:
         return "floating", "a floating joint holds it to an empty root link"
+    walking = legs or _called_legs(limbs, links.name)
     if links.root.lower() in _WORLD:
-        freed = f"; to let it walk on its {len(legs)} legs, write `floating`" if legs else ""
+        freed = f"; to let it walk on its {len(walking)} legs, write `floating`" if walking else ""
         return "fixed", f"the root link is called `{links.root}`{freed}"
     first = [joint for joint in tree.joints if joint.parent == tree.root]
     if tree.by_body[tree.root].is_massless and [joint.kind for joint in first] == ["prismatic"]:
@@ -365,7 +370,7 @@ def _moves(
             return "floating", f"it {does} on {len(on)} {role}s: {', '.join(on)}"
     if flying := next(filter(_FLYING.fullmatch, [links.name, *links.by_body]), ""):
         return "floating", f"it flies, by the name of `{flying}`"
-    if walking := _called_legs(limbs, links.name):
+    if walking:
         named = ", ".join(leg.tip for leg in walking[:4])
         return "floating", f"{named}: legs by name, but at 0 they do not reach down"
     if not tree.moving_joints:

@@ -179,9 +179,11 @@ def test_a_dog_stands_on_four_limbs_but_no_hand_on_its_fingers(
         parts.append(limb(links, f"{place} 0", axis=axis, kind=kind, limit=limit))
     parts += [body("left_arm", mass=0.1), spin("left_arm", "trunk", "0 0.2 0.1", limit=BOUNDED)]
     parts += [body("right_arm", mass=0.1), spin("right_arm", "trunk", "0 -0.2 0.1", limit=BOUNDED)]
+    parts += [body("rod", mass=0.1), spin("rod", "trunk", "0 0.2 0", limit=BOUNDED)]
     anatomy, found = seen(tmp_path, *parts)
     assert anatomy.base == base
-    assert found["left_arm"] == ("finger" if base == "fixed" else "arm")  # however small
+    small = "finger" if base == "fixed" else "arm"  # of a walker, however small
+    assert found["left_arm"] == found["rod"] == small
 
 
 # --- rotors ---------------------------------------------------------------------------------
@@ -219,6 +221,14 @@ def test_rotors_are_driven_by_speed_with_what_carries_the_robot(tmp_path: Path):
     (row,) = made.plain["actuators"]
     assert (row["model"], row["effort"]) == ("velocity", 0.5)
     assert made.proposal.undecided == ""
+
+
+@pytest.mark.parametrize("name", ["hexarotor", "aerial_manipulator"])
+def test_what_is_called_an_aircraft_flies_with_an_arm_and_fixed_rotors(name: str, tmp_path: Path):
+    arm = limb(("upper", "lower"), "0 0 -0.1", kind="revolute", limit=BOUNDED)
+    rotor = body(name) + spin(name, "trunk", "0.1 0 0", kind="fixed")
+    anatomy, _ = seen(tmp_path, TRUNK, arm, rotor)
+    assert anatomy.base_reason == f"it flies, by the name of `{name}`"
 
 
 # --- neither --------------------------------------------------------------------------------

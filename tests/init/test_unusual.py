@@ -167,9 +167,10 @@ def test_legs_are_known_by_where_they_reach_or_by_their_names(
     assert proposed(walker, tmp_path).recipe.base == base
 
 
-def test_what_is_bolted_to_the_world_does_not_stand(tmp_path: Path):
-    """Its legs hang, and the recipe says how they would walk."""
-    walker = _walker(last="revolute", down=0.3, names=("thigh", "shank"))
+@pytest.mark.parametrize("down", [0.3, 0.0])
+def test_what_is_bolted_to_the_world_does_not_stand(down: float, tmp_path: Path):
+    """Its legs hang or point aside, and the recipe says how they would walk."""
+    walker = _walker(last="revolute", down=down, names=("thigh", "shank"))
     bolt = link("world", "") + joint("bolt", "world", "trunk", "fixed", "")
     text = proposed(walker.replace("</robot>", f"{bolt}</robot>"), tmp_path).text
     assert "base: fixed   # the root link is called `world`; to let it walk on its 4 legs" in text
