@@ -218,8 +218,9 @@ def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:
         yield "gravity compensation of bodies"
     if item.place == "option":
         yield from _of_option(element)
-    if item.place == "freejoint" and _some(element, _BRAKES):
-        yield "what brakes or holds the floating base"
+    if item.place == "freejoint" and (brakes := [k for k in _BRAKES if _some(element, (k,))]):
+        stated = ", ".join(f"`{key}` {element.get(key)}" for key in brakes)
+        yield f"what brakes or holds the floating base ({stated})"
     if item.place == "joint" and len(element.get("damping", "").split()) > 1:
         yield "damping of joints by a polynomial"
     if item.place == "shape" and _some(element, ("surfacevel",)):

@@ -122,7 +122,8 @@ class FreeFallCheck(SimulatorCheck):
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
                 severity="error" if error > self.wish.error_limit * scale else "warning",
-                hint="is a part fixed to the world, damped, or free of gravity?",
+                hint="is a part fixed to the world, damped, or free of gravity? In MJCF "
+                '`<joint type="free">` takes the `damping` of its class, `<freejoint>` does not',
                 data={
                     "drop_m": fall.drop_m,
                     "expected_m": fall.expected_m,
