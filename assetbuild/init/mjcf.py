@@ -46,7 +46,8 @@ from assetbuild.source.urdf.xml import MAX_BYTES
 
 VAGUE = {
     "",
-    *keys("assets scene mjx robot model mujoco mjcf xml xmls world main flat rough terrain"),
+    *keys("assets scene mjx robot model models mujoco mjcf urdf xml xmls world main"),
+    *keys("flat rough terrain"),
 }
 """Words that name no robot."""
 ABSENT = "add the file, or remove the mesh and its geoms from the MJCF"

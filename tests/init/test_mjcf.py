@@ -51,7 +51,7 @@ def test_meshes_that_are_not_there_are_counted_and_sought(folder: str, tmp_path:
     assert error.value.hint == "is `cad/a.obj` meant? Correct `file` or `meshdir` in the MJCF"
 
 
-@pytest.mark.parametrize("name", ["scene", "scene_mjx"])
+@pytest.mark.parametrize("name", ["scene", "scene_mjx", "models"])
 def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_folder(
     tmp_path: Path, name: str
 ):
