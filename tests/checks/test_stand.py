@@ -24,7 +24,7 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
 from assetbuild.simulators.mujoco.slope import SLOW, creep
 from assetbuild.simulators.mujoco.stand import Stand as Stood
-from assetbuild.simulators.mujoco.stand import outcome
+from assetbuild.simulators.mujoco.stand import outcome, outcome_figures
 from assetbuild.targets.mjcf import Mjcf, MjcfOptions
 
 FEET = ".*_foot"
@@ -158,6 +158,17 @@ def stood(**values: object) -> Stood:
 )
 def test_what_a_robot_does_is_one_of_five_words(values: dict[str, object], word: str) -> None:
     assert outcome(stood(**values), 0.5) == word
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"height_m": -5.55e-17, "sag_m": 0.001}, "base height 0 m at the start, -0.001 m at"),
+        ({"floats": False, "worst_held": ("hip", 2.6e-20, "rad")}, "moves furthest, by 0 rad"),
+    ],
+)
+def test_what_is_left_of_rounding_is_0(values: dict[str, object], words: str) -> None:
+    assert words in str(outcome_figures(stood(**values), 0.5)["sentence"])
 
 
 @pytest.mark.parametrize(
