@@ -17,6 +17,7 @@ from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
 from assetbuild.init.look import InspectedRobot
+from assetbuild.init.wheels import COINCIDENT_M
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Mimic, Tree
@@ -180,15 +181,16 @@ def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
 
 
 def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
-    """A body and the one two joints further, where the joints are close together; and linkages."""
+    """A body and the one two joints further, where the joints are close together, or more joints,
+    where they turn about one point; and linkages.
+    """
     poses = forward_kinematics(tree, {})
     pairs = []
     for joint in tree.joints:
-        above = tree.joint_above.get(joint.parent)
-        if above is not None:
-            apart = math.dist(poses[joint.child].xyz, poses[above.child].xyz)
-            if apart < COMPOUND * size:
-                pairs.append((above.parent, joint.child))
+        above, near = tree.joint_above.get(joint.parent), COMPOUND * size
+        while above and math.dist(poses[joint.child].xyz, poses[above.child].xyz) < near:
+            pairs.append((above.parent, joint.child))
+            above, near = tree.joint_above.get(above.parent), COINCIDENT_M
     return [*pairs, *_linkage_pairs(tree, poses)]
 
 

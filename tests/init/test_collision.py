@@ -77,6 +77,22 @@ def test_a_dog_with_no_feet_at_all_is_not_asked_to_stand(robots: Path, tmp_path:
     assert "stand" not in recipe["validate"]
 
 
+def test_bodies_around_three_joints_at_one_point_do_not_collide(tmp_path: Path):
+    """Pelvis and thigh at a ball joint of three; the shank is as near, but at another point."""
+    names = ("pelvis", "a", "b", "thigh", "shank")
+    links = "".join(map(link, names))
+    joints = "".join(
+        joint(f"j{i}", above, below, xyz="0 0 -0.01" if below == "shank" else "0 0 0", axis=axis)
+        for i, (above, below, axis) in enumerate(
+            zip(names, names[1:], ("1 0 0", "0 1 0", "0 0 1", "0 1 0"), strict=False)
+        )
+    )
+    far = link("far") + joint("j", "pelvis", "far", xyz="1 0 0")
+    pairs = proposed(robot(links, joints, far), tmp_path).plain["collision"]["exclude"]["pairs"]
+    assert ["pelvis", "thigh"] in pairs
+    assert ["pelvis", "shank"] not in pairs
+
+
 def test_links_that_one_drive_turns_side_by_side_do_not_collide(tmp_path: Path):
     """The knuckles of a parallel gripper; the fingers that face each other do."""
 
