@@ -34,7 +34,7 @@ def expand(folder: Path, files: dict[str, str], **fields):
     for name, text in files.items():
         path = folder / "in/tree" / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        path.write_bytes(text.encode("utf-8", "surrogateescape"))
     (folder / "out").mkdir(exist_ok=True)
     step = ExpandXacro(**{"file": "pkg/r.xacro", "packages": {"pkg": "pkg"}} | fields)
     findings = run_step(step, folder / "in", folder / "out")
@@ -84,6 +84,10 @@ MISTAKES: dict[str, tuple[str, dict[str, str], dict[str, object], tuple[str, ...
     ),
     "an include that is no XML": (
         OF_PKG, {"pkg/m.xacro": "<robot>\n<link>\n</robot>"}, {}, ("pkg/m.xacro:3: ",),
+    ),
+    "an include in Latin-1": (
+        OF_PKG, {"pkg/m.xacro": '<robot>\n<link name="Revoluci\udcf3n"/></robot>'}, {},
+        ("pkg/m.xacro:2: byte 0xf3 is no UTF-8", "hint: save the file as UTF-8"),
     ),
     "no such package": (
         '<xacro:include filename="$(find pkq)/m.xacro"/>', {}, {},

@@ -193,6 +193,8 @@ class ExpandXacro(Step):
                     lies = f"does the package `{name}` lie in `{base.rstrip('/') or '.'}`?"
                     return f"{lies} correct `source.packages`"
             return f"did you mean `{meant}`? correct the file, or state `source.patches`"
+        if "is no UTF-8" in message:
+            return "save the file as UTF-8: xacro reads no other encoding"
         text = _text_of(tree, answer.get("read", ()))
         macro = re.escape(asked.removeprefix("xacro:"))
         if "unknown macro name" in message and re.search(rf"macro\s+name=[\"']{macro}[\"']", text):

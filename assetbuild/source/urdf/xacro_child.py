@@ -197,6 +197,9 @@ def _error_data(error: Exception, guard: Guard) -> dict[str, object]:
         return {"error": f"it ran over its memory limit of {MEMORY_BYTES >> 20} MB", "line": 0}
     if isinstance(cause, RecursionError):
         return {"error": "a macro, property or include uses itself without end", "line": line}
+    if isinstance(cause, UnicodeDecodeError):
+        line = cause.object.count(b"\n", 0, cause.start) + 1
+        return {"error": f"byte 0x{cause.object[cause.start]:02x} is no UTF-8", "line": line}
     if isinstance(cause, FileNotFoundError):
         path = guard.inside(str(cause.filename)) or printable(cause.filename)
         if path.startswith(f"{ABSENT}/"):
