@@ -9,7 +9,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import Reading, compared, hard_arm, read, write
+from mjcfs import TET, Reading, compared, hard_arm, read, write
 
 from assetbuild.errors import SourceError
 from assetbuild.robot.model import Contact, Mimic, Place, Sensor
@@ -291,6 +291,16 @@ def test_a_nested_include_is_looked_for_beside_the_main_file_first(found: str, t
     assert reading.links.root == compiled.body(1).name == found
 
 
+@pytest.mark.parametrize("meshdir", ["", 'meshdir="..\\arm\\cad"'])
+def test_files_are_named_with_the_separators_of_windows_too(meshdir: str, tmp_path: Path):
+    name = r"cad/..\cad\a.obj" if not meshdir else "a.obj"
+    head = f'<compiler {meshdir}/><asset><mesh name="m" file="{name}"/></asset>'
+    body = '<body name="a"><geom type="mesh" mesh="m"/></body>'
+    reading = read(robot(body, head=head), tmp_path, cad__a_obj=TET)
+    assert [mesh["path"] for mesh in reading.meshes] == ["arm/cad/a.obj"]
+    assert mujoco.MjModel.from_xml_path(f"{tmp_path}/in/tree/arm/robot.xml").nmesh == 1
+
+
 SCENE = """\
 <body name="table"><geom size=".5"/></body>
 <body name="hand" mocap="true"><geom size=".1" contype="0" conaffinity="0"/></body>
@@ -305,6 +315,7 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
         ("<robot/>", "robot.xml:1: the root element is <robot>, not <mujoco>\nhint: this is URDF: use `source.urdf`"),
         ("<mujocoinclude/>", "<mujocoinclude>, not <mujoco>\nhint: this is a part of a model: give the file that includes it"),
         ("<mujoco/>", "robot.xml:1: an MJCF without <worldbody>"),
+        ('<mujoco xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arg name="a"/></mujoco>', "hint: expand it first: `xacro FILE"),
         ("<mujoco><worldbody>", "robot.xml:1: not readable as XML"),
         ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "a DOCTYPE is not allowed"),
         (robot(""), "a robot without bodies"),

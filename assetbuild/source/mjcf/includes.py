@@ -102,8 +102,13 @@ def _parsed(path: str, tree: Path, include: Element | None) -> Element:
     root, _ = read_xml(file.read_bytes(), path, "MJCF")
     for element in root.iter("*"):
         if element.prefix or str(element.tag).startswith("{"):
-            raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")
+            expand = "expand it first: `xacro FILE -o robot.xml`, and give `robot.xml`"
+            hint = expand if "xacro" in str(element.tag) else "is this MJCF?"
+            raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", hint)
         element.set(AT, f"{path}:{element.sourceline or 0}")
+        for key, name in element.items():
+            if str(key).startswith("file") or str(key).endswith("dir"):  # on Windows, as in MuJoCo
+                element.set(key, str(name).replace("\\", "/"))
         element.text = element.tail = None
     return root
 
@@ -118,8 +123,8 @@ def below(element: Element, folder: str, name: str | None = None) -> str:
     name = (element.get("file", "") if name is None else name).strip()
     if not name:
         raise error_at(element, f"<{element.tag}> without a file")
-    if "\\" in name or name.startswith("/") or ":" in name:
-        hint = "use `/` and a path relative to the MJCF"
+    if name.startswith("/") or ":" in name:
+        hint = "use a path relative to the MJCF"
         raise error_at(element, f"file `{name}` cannot be followed", hint)
     path = posixpath.normpath(posixpath.join(folder, name))
     if path.startswith("../") or path == "..":
