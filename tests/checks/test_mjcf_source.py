@@ -40,6 +40,9 @@ FLOATING = """<mujoco model="r">
   <keyframe><key name="home" qpos="0 0 .4 1 0 0 0 .3 .01" ctrl="0.2 0.5"/></keyframe>
 </mujoco>"""
 
+FAR = '<worldbody><camera name="far" pos="0 -2 1" mode="trackcom" target="leg"/>'
+SEEN_FROM_AFAR = FLOATING.replace("<worldbody>", FAR)
+
 
 def built(text: str, folder: Path, mesh: str = TET, **recipe: object) -> Written:
     """text: "" for the hard arm."""
@@ -246,6 +249,7 @@ TEXTS = {
 }  # fmt: skip
 SAME = {
     "floating": (FLOATING, TET),
+    "a camera of the world that states a target in vain": (SEEN_FROM_AFAR, TET),
     "an ellipsoid of a mesh": (fitted("ellipsoid"), TET),
     "a capsule of a mesh": (fitted("capsule"), TET),
     "a box of a mesh": (fitted("box"), TET),

@@ -18,7 +18,7 @@ from assetbuild.facts.reference import inertial_facts
 from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
-from assetbuild.robot.pose import Pose, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, vec3
 from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, mj, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.pairs import touching_geoms
@@ -60,6 +60,8 @@ class _InRoot(Bodies):
         X_world = [pose_of(data.xpos[i], data.xquat[i]) for i in range(model.nbody)]
         root = X_world[min(1, model.nbody - 1)].inverse()
         self._X_root: list[Pose] = [root @ X for X in X_world]
+        if model.njnt and model.jnt_type[0] == mj.mjtJoint.mjJNT_FREE:
+            self._X_root[0] = IDENTITY  # wherever the root floats at the start
 
     def name(self, body: int) -> str:
         """All that is rigidly one with the root is `ROOT`."""

@@ -259,9 +259,10 @@ def _camera(links: Links, element: Element, body: str) -> Camera:
     pose = pose_at(model.cam_pos[index], model.cam_quat[index])
     width, height = (int(v) for v in model.cam_resolution[index])
     more = leftover(attributes, CAMERA)
+    if "target" in attributes:  # a mode that looks at nothing may state one, too
+        more["target"] = attributes["target"]
     if mode.startswith("target"):
-        more |= {"mode": mode, "target": attributes.get("target", "")}
-        mode = "fixed"
+        more["mode"], mode = mode, "fixed"
     if any(key in attributes for key in _LENS):
         more["fovy"] = ""  # the lens says it; MuJoCo refuses both
     if "resolution" not in attributes:
