@@ -122,7 +122,7 @@ FLOOR = Rule(
     "trials.floor",
     "warning",
     "a moving body starts inside the floor of the scene (by more than 5 mm: not ready)",
-    "turn or raise the keyframe `home`",
+    "turn or raise the robot in the keyframe that it starts in",
 )
 NOTHING_TOUCHES = Rule(
     "trials.nothing_touches",
@@ -319,6 +319,7 @@ class Trials(mujoco.InMujoco):
                     f"link {body}",
                     f"starts {depth * 1e3:.3g} mm inside the floor (not ready above "
                     f"{START_M * 1e3:g} mm): simulators throw it off or jam it",
+                    hint=f"turn or raise the keyframe `{model.key(0).name}`" if model.nkey else "",
                     data={"depth_m": depth, "limit_m": START_M},
                     blocks=depth > START_M,
                 )

@@ -225,7 +225,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     if home is None:
         commanded = replace(robot, tree=_commanded(robot.tree, control))
         put_home(draft, commanded, anatomy, pose)
-    elif abs(off_m) > DEEP_M:
+    elif off_m < -DEEP_M or (off_m > DEEP_M and home.name == "home"):
         side = "inside" if off_m < 0.0 else "above"
         why = f"the source's is {1e3 * abs(off_m):.3g} mm {side} the floor; its joints stay"
         draft.put("on_ground", "keyframes", home.name, "base", beside=why)
@@ -369,20 +369,20 @@ def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None
 def _stood(
     source: MjcfSource, anatomy: Anatomy, pose: Mapping[str, float]
 ) -> tuple[Trial | None, float]:
-    """Whether legs whose drives hold them stand on the floor, and how far above it `home` is, m.
-
-    The source's other keyframes are its own affair.
+    """Whether legs whose drives hold them stand on the floor in `home`, and how far above it the
+    initial keyframe is, m.
     """
     robot, control, legs = source.robot, source.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
     has_drives = all(j.name in driven for leg in legs for j in leg.joints)
     home = control.initial_keyframe
-    if not legs or (named and "home" not in named) or not (has_drives or home):
+    stands = has_drives and (not named or "home" in named)
+    if not legs or not (stands or home):
         return None, 0.0
     with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
         step = control.simulation.timestep
-        trial = stage.attempt((), pose, step, driven_by=control) if has_drives else None
+        trial = stage.attempt((), pose, step, driven_by=control) if stands else None
         if home is None or home.base is None or home.turns or control.loops:
             return trial, 0.0
         meshes = stage.ports.folder / "meshes"

@@ -180,6 +180,7 @@ def test_a_robot_that_starts_in_the_floor_is_not_ready(
     assert {f.unready for f in found} == ({unready} if depth else set())
     for finding in found:
         assert finding.data["depth_m"] == pytest.approx(depth, abs=2e-4)
+        assert finding.hint == "turn or raise the keyframe `home`"
 
 
 def test_a_floating_robot_without_collision_is_not_ready(tmp_path: Path):

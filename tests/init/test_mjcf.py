@@ -149,18 +149,27 @@ def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
 
 
 @pytest.mark.parametrize("drive", ['<position joint="{}" kp="80" kv="4"/>', '<motor joint="{}"/>'])
-@pytest.mark.parametrize(("height", "raised"), [(0.371, False), (0.35, True), (0.4, True)])
+@pytest.mark.parametrize(
+    ("name", "height", "raised"),
+    [
+        ("home", 0.371, False),
+        ("home", 0.35, True),
+        ("home", 0.4, True),
+        ("standing", 0.35, True),  # a build starts there, too
+        ("jumping", 0.4, False),
+    ],
+)
 def test_a_home_that_is_not_on_the_floor_is_put_there(
-    height: float, raised: bool, drive: str, tmp_path: Path
+    name: str, height: float, raised: bool, drive: str, tmp_path: Path
 ):
     """The legs reach 2 * 0.2 cos(0.5) + 0.02 m below the trunk, and a build would not be ready."""
     legs = [f"{leg}_{joint}" for leg in "abcd" for joint in ("hip", "knee")]
     drives, pose = "".join(map(drive.format, legs)), "0.5 -1 " * 4
-    home = f'<key name="home" qpos="0 0 {height} 1 0 0 0 {pose}" ctrl="{pose}"/>'
+    home = f'<key name="{name}" qpos="0 0 {height} 1 0 0 0 {pose}" ctrl="{pose}"/>'
     more = f"<actuator>{drives}</actuator><keyframe>{home}</keyframe>"
     made = proposed(dog(more), tmp_path)
     keyframes = {name: (key.base, key.joints) for name, key in made.recipe.keyframes.items()}
-    assert keyframes == ({"home": ("on_ground", {})} if raised else {})
+    assert keyframes == ({name: ("on_ground", {})} if raised else {})
     assert ("mm inside the floor" in made.text) == (height < 0.37)
 
 

@@ -84,9 +84,9 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
     """The outcome with its heights (m), and a sentence for the verdict."""
     did, seconds = outcome(stood, fall), f"{stood.seconds:.3g} s"
     after, (joint, off, unit) = stood.height_m - stood.sag_m, stood.worst_held
-    far = f"its pose for {seconds}: `{joint}` moves furthest, by {round(off, 9):.3g} {unit}"
+    far = f"its pose for {seconds}: `{joint}` moves furthest, by {round(off, 6):.3g} {unit}"
     heights = (
-        f"base height {round(stood.height_m, 9):z.3g} m at the start, {after:.3g} m at the end, "
+        f"base height {round(stood.height_m, 6):z.3g} m at the start, {after:.3g} m at the end, "
         f"tilted by {stood.tilt_rad:.2g} rad"
     )
     why = "" if joint or not stood.driven else ", as no drive holds a position"
