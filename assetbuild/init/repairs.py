@@ -136,11 +136,15 @@ def _broken_links(robot: InspectedRobot) -> dict[str, Finding]:
             (body, _), inertial = robot.tree.placement(name), robot.links.by_body[name].inertial
             # A massless frame that was merged into a body is no reason for its mass properties.
             weighs = inertial is not None and inertial.mass_kg > 0.0
-            if body in bad and (name in robot.tree.by_body or weighs):
+            of_mass = body in bad and bad[body].rule != "inertia.missing"
+            if of_mass and (name in robot.tree.by_body or weighs):
                 graver = finding.rule in _BROKEN and broken.get(name, finding).rule not in _BROKEN
                 broken[name] = finding if graver else broken.get(name, finding)
     explained = {robot.tree.placement(link)[0] for link in broken}
-    return broken | {body: bad[body] for body in bad if body not in explained}
+    for body in [body for body in bad if body not in explained]:
+        solid = _solid(robot, body) if bad[body].rule == "inertia.missing" else []
+        broken |= dict.fromkeys(solid or [body], bad[body])
+    return broken
 
 
 def _weightless(robot: InspectedRobot) -> dict[str, Finding]:
@@ -149,9 +153,14 @@ def _weightless(robot: InspectedRobot) -> dict[str, Finding]:
         link: finding
         for finding in robot.body_findings
         if finding.rule == MASS_SMALL.id and float(str(finding.data["mass_kg"])) < PLACEHOLDER_KG
-        for link in robot.links_of(_subject(finding))
-        if any(_is_solid(robot, link, role) for role in ("visual", "collision"))
+        for link in _solid(robot, _subject(finding))
     }
+
+
+def _solid(robot: InspectedRobot, body: str) -> list[str]:
+    """The links of a body with shapes that span a volume."""
+    roles = ("visual", "collision")
+    return [n for n in robot.links_of(body) if any(_is_solid(robot, n, role) for role in roles)]
 
 
 def _is_dummy(finding: Finding) -> bool:

@@ -211,6 +211,16 @@ def test_a_missing_mass_is_a_guess_that_says_so(stated: str, tmp_path: Path):
     assert "a guess, as the source states no real mass" in (tmp_path / "recipe.yaml").read_text()
 
 
+def test_a_body_without_mass_gets_it_from_all_links_that_have_a_volume(tmp_path: Path):
+    """Of a bare frame, a hull and a tower, each like 1 kg of water; the base has 5 kg."""
+    parts = [link("base", inertial(5.0)), link("frame", ""), link("hull", SEEN)]
+    parts += [link("tower", SOLID), joint("hinge", "base", "frame", axis="1 0 0")]
+    parts += [joint("a", "frame", "hull", "fixed", ""), joint("b", "hull", "tower", "fixed", "")]
+    edits = edits_for(robot(*parts, name="bot"), tmp_path)
+    assert [edit["inertia_from_geometry"]["link"] for edit in edits] == ["hull", "tower"]
+    assert "# bot: 7 kg, 2 bodies" in (tmp_path / "recipe.yaml").read_text()
+
+
 def test_a_guessed_mass_reads_the_buffers_of_a_gltf(tmp_path: Path):
     """Water in a box of 0.1 x 0.2 x 0.3 m weighs 6 kg, the base 5 kg."""
     for name, data in trimesh.creation.box((0.1, 0.2, 0.3)).export(file_type="gltf").items():
