@@ -154,6 +154,8 @@ def stood(**values: object) -> Stood:
         ({"height_m": 0.0, "com_sag_m": 0.3}, "falls"),
         ({"com_sag_m": -0.4}, "stands"),
         ({"com_sag_m": -0.6}, "falls"),  # thrown up
+        ({"height_m": -0.002, "com_height_m": -0.002, "sag_m": 4e-5, "com_sag_m": 4e-5}, "stands"),
+        ({"height_m": -0.002, "com_height_m": -0.002, "com_sag_m": -0.02}, "falls"),
     ],
 )
 def test_what_a_robot_does_is_one_of_five_words(values: dict[str, object], word: str) -> None:

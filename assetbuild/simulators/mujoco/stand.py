@@ -50,6 +50,8 @@ class Stand:
     com_sag_m: float
 
 
+LEAST_M = 0.01
+"""A lower base or centre of mass falls or rises as one of this height."""
 FAR_M = 1e3
 """Shapes further than this above the floor count as so far."""
 Outcome = Literal["stands", "holds", "falls", "rests", "unstable"]
@@ -68,8 +70,8 @@ def outcome(stood: Stand, fall: float) -> Outcome:
         joint, off, _ = stood.worst_held
         return "rests" if not joint else "falls" if off > fall else "holds"
     # A base frame on the ground cannot sink, so the centre of mass counts besides.
-    height = max(stood.height_m, stood.com_height_m)
-    lower = stood.sag_m > fall * height or stood.com_sag_m > fall * stood.com_height_m
+    lower = stood.sag_m > fall * _height(stood)
+    lower = lower or stood.com_sag_m > fall * max(stood.com_height_m, LEAST_M)
     if lower or stood.tilt_rad > fall or _is_thrown(stood):
         return "falls"
     return "stands" if stood.driven else "rests"
@@ -77,7 +79,12 @@ def outcome(stood: Stand, fall: float) -> Outcome:
 
 def _is_thrown(stood: Stand) -> bool:
     """Whether it rose by more than its own height."""
-    return -stood.com_sag_m > max(stood.height_m, stood.com_height_m)
+    return -stood.com_sag_m > _height(stood)
+
+
+def _height(stood: Stand) -> float:
+    """Height over the floor that a fall is a share of, m."""
+    return max(stood.height_m, stood.com_height_m, LEAST_M)
 
 
 def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
