@@ -14,7 +14,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.policy.counting import known_joints, order_findings, read_contract
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.mjcf_only import carried_weight
+from assetbuild.robot.mjcf_only import base_brakes, carried_weight
 from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.free_fall import FreeFallCheck
@@ -69,6 +69,11 @@ class FreeFall(FreeFallCheck, MujocoCheck):
     def carried(self, control: Control) -> Mapping[str, float]:
         """Any share that is stated."""
         return carried_weight(control.mjcf_only)
+
+    def held(self, control: Control) -> str:
+        """Its free joint has what the source's has, so that it falls by no simple law."""
+        brakes = base_brakes(control.mjcf_only)
+        return f"the source brakes the floating base: {brakes}" if brakes else ""
 
 
 class PolicyOrders(mujoco.InMujoco):

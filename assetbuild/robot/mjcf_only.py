@@ -201,6 +201,13 @@ def whole_gravity(items: Iterable[MjcfOnly]) -> frozenset[str]:
     return frozenset(body for body, share in carried_weight(items).items() if share == 1.0)
 
 
+def base_brakes(items: Iterable[MjcfOnly]) -> str:
+    """What brakes or holds the floating base, in words; "" where nothing does."""
+    bases = (parsed(item) for item in items if item.place == "freejoint")
+    stated = ((key, base) for base in bases for key in _BRAKES if _some(base, (key,)))
+    return ", ".join(f"`{key}` {base.get(key)}" for key, base in stated)
+
+
 def carried_weight(items: Iterable[MjcfOnly]) -> dict[str, float]:
     """Body -> share of its weight that MuJoCo compensates (`gravcomp`)."""
     bodies = (i for i in items if i.place == "body" and i.element.startswith("<body"))
@@ -218,9 +225,9 @@ def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:
         yield "gravity compensation of bodies"
     if item.place == "option":
         yield from _of_option(element)
-    if item.place == "freejoint" and (brakes := [k for k in _BRAKES if _some(element, (k,))]):
-        stated = ", ".join(f"`{key}` {element.get(key)}" for key in brakes)
-        yield f"what brakes or holds the floating base ({stated})"
+    if brakes := base_brakes((item,)):
+        taken = "a `<freejoint>` takes none from its class"
+        yield f"what brakes or holds the floating base ({brakes}; {taken})"
     if item.place == "joint" and len(element.get("damping", "").split()) > 1:
         yield "damping of joints by a polynomial"
     if item.place == "shape" and _some(element, ("surfacevel",)):

@@ -59,6 +59,14 @@ def test_weight_that_the_source_compensates_does_not_pull(tmp_path: Path, check:
     assert fallen == pytest.approx(share * expected_drop(check), rel=1e-3)
 
 
+def test_a_base_that_the_source_brakes_is_not_expected_to_fall_freely(tmp_path: Path) -> None:
+    only = (MjcfOnly("freejoint", '<freejoint damping="300" armature="0"/>'),)
+    inputs = mjcf_inputs(tmp_path, with_control(tiny_quadruped(), mjcf_only=only))
+    assert 'damping="300"' in (inputs / "mjcf/robot.xml").read_text()
+    assert run_step(FreeFall(robot="robot"), inputs, tmp_path / "out") == []
+    assert figures(tmp_path / "out")["skipped"].endswith("brakes the floating base: `damping` 300")
+
+
 def test_springs_without_gravity_may_shake_it_by_what_steps_round(tmp_path: Path) -> None:
     calm = with_control(tiny_quadruped(), simulation=Simulation(gravity=(0.0, 0.0, 0.0)))
     inputs, joint = mjcf_inputs(tmp_path, calm), '<joint name="FR_calf_joint"'

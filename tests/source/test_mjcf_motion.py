@@ -58,7 +58,7 @@ MOVES = {
     "surfaces that move what touches them": arms().replace(
         'size=".1"', 'size=".1" surfacevel="1 0 0"'
     ),
-    "holds the floating base (`damping` 3, `armature` 0.2)": arms().replace(
+    "holds the floating base (`damping` 3, `armature` 0.2;": arms().replace(
         '<body name="base">', '<body name="base"><joint type="free" armature=".2" damping="3"/>'
     ),
     "damping of joints by a polynomial": arms(joint='damping=".1 .2 0"'),
