@@ -266,19 +266,22 @@ def _size(table: Table, key: Key, power: int) -> float:
     origin of the file, of which only the least is known. Rounding moves corners by a share of the
     reach, which changes their moments by the size times that, the area by the length of all edges
     (of even triangles) times that, and the volume by the area times that: much for many small
-    triangles far out.
+    triangles far out. Slivers are as long as the mesh, its spread about its mean corner, and what
+    rounding adds to some of them it takes from others.
     """
-    moments, area, count = (
+    moments, mean, area, count = (
         _numbers(table.facts.get(Key(key.kind, key.name, quantity)))
-        for quantity in ("corner moments", "area", "triangles")
+        for quantity in ("corner moments", "mean corner", "area", "triangles")
     )
-    if moments is None or area is None or count is None:
+    if moments is None or mean is None or area is None or count is None:
         return 0.0
     size = math.sqrt(sum(moments[:3]))
     reach = max(size, LEAST_REACH_M)
+    spread = math.sqrt(max(0.0, size**2 - math.fsum(x * x for x in mean)))
+    slivers = math.sqrt(count[0]) * spread
     shares = {
-        "area": math.sqrt(count[0] * area[0]),
-        "volume": area[0],
+        "area": max(math.sqrt(count[0] * area[0]), slivers),
+        "volume": max(area[0], slivers * spread),
         "mean corner": 1.0,
         "corner moments": size,
     }

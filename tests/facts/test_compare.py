@@ -81,6 +81,17 @@ def test_a_round_shape_is_the_same_however_it_is_turned(
     assert (differences(*tables, Precision()) == []) is same
 
 
+def test_slivers_drawn_far_from_the_origin_of_their_file_keep_their_area_in_float32() -> None:
+    """Spokes of 0.26 m by 0.01 mm about the origin of the body, 0.67 m from that of the file."""
+    rng = np.random.default_rng(0)
+    angle, wide = rng.uniform(0.0, np.pi, 16), np.tile((0.0, 0.0, 1e-5), (16, 1))
+    along = 0.13 * np.stack([np.cos(angle), np.sin(angle), rng.uniform(-0.1, 0.1, 16)], 1)
+    corners, middle = np.stack([-along, along, along + wide], 1), np.array((0.1, 0.1, 0.66))
+    there = (corners + middle).astype(np.float32).astype(np.float64) - middle
+    assert abs(measure(there).area / measure(corners).area - 1.0) > 10.0 * FLOAT32["length"]
+    assert differences(table_of(corners), table_of(there), Precision(FLOAT32)) == []
+
+
 def test_a_part_drawn_far_from_the_origin_of_its_file_is_the_same_in_float32() -> None:
     """A cap of 0.3 mm, 0.37 m from the origin of its file and 0.3 mm from that of its body."""
     rng = np.random.default_rng(4)
