@@ -73,7 +73,7 @@ def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
     why = "two slides and a hinge move alike, in every format, and actuators can drive them"
     planar = "MJCF and USD have no planar joint"
     splits = (Repair(joint, "split_joint", {}, why, planar) for joint in robot.planar)
-    return (*splits, *_inertias(robot), *shares, *_limits(robot))
+    return (*splits, *_all_inertias(robot), *shares, *_limits(robot))
 
 
 def put_repairs(draft: Draft, robot: InspectedRobot, needed: Sequence[Repair]) -> None:
@@ -97,6 +97,16 @@ def _subject(finding: Finding) -> str:
 
 
 # --- what to do -----------------------------------------------------------------------------
+
+
+def _all_inertias(robot: InspectedRobot) -> list[Repair]:
+    """Those of the source, then what their absurd numbers hid: a part that added little to them."""
+    done, new, whole = list[Repair](), list(_inertias(robot)), robot
+    while new:
+        done, whole = [*done, *new], mended(whole, new)
+        wrong, known = wrong_links(whole), {repair.on for repair in done}
+        new = [_remade(robot, link, wrong[link]) for link in wrong if link not in known]
+    return done
 
 
 def _inertias(robot: InspectedRobot) -> Iterator[Repair]:

@@ -188,6 +188,13 @@ def test_a_tensor_that_the_shapes_rule_out_is_computed_from_them(
     assert edits_for(hips(right), tmp_path) == [{"inertia_from_geometry": made}] * is_wrong
 
 
+def test_a_tensor_that_a_larger_one_hid_is_computed_too(tmp_path: Path):
+    """0.03 kg m2 of 0.3 kg in a box of 10 cm count for nothing below 100 kg m2."""
+    wrong, absurd = (inertial(0.3, tensor(v, v, v)) + SOLID for v in (0.03, 100.0))
+    (edit,) = edits_for(chain(wrong, absurd), tmp_path)
+    assert edit["inertia_from_geometry"]["link"] == "link.*"
+
+
 def test_a_frame_without_shapes_that_spoils_its_body_becomes_a_ball(tmp_path: Path):
     """1 g of water is a ball of 6.2 mm, and 2/5 m r² of it is 1.54e-8 kg m2."""
     parts = [
