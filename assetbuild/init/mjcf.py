@@ -212,7 +212,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
         why = f"or {some(source.bodies[1:])}: one recipe builds one robot"
         draft.put(source.bodies[0], "source", "body", beside=why)
     draft.note(*_taken(source, len(anatomy.legs)), at=("taken",))
-    edits = repairs(robot, usd=not (lost or springs))
+    edits = repairs(source.built, usd=not (lost or springs))
     _put_solver(draft, source, anatomy, hand, edits)
     put_repairs(draft, robot, edits)
     _put_merging(draft, source)
