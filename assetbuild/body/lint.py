@@ -113,8 +113,8 @@ def invented(tree: Tree, guessed: tuple[str, ...]) -> Iterator[Finding]:
     if heavy and len(guesses) == len(heavy):
         yield INVENTED(
             "robot",
-            f"the masses of all {len(heavy)} links that have one are guesses, as the source states "
-            "none: weights, torques and balance mean nothing",
+            f"all masses are guesses (links: {len(heavy)}), as the source states none: weights, "
+            "torques and balance mean nothing",
             data={"links": len(heavy)},
         )
 
