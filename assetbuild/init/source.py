@@ -98,7 +98,7 @@ def find_source(
     data = read_small_file(file, SourceError)
     folders = {name: stated_folder(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    by_xacro = file.suffix == ".xacro" or b"<xacro:" in data
+    by_xacro = file.suffix == ".xacro" or any(found[1] for found in _MACRO.finditer(data))
     patches = [] if by_xacro else respelled(real, data)
     data = replaced(data, patches)
     if args and not by_xacro:
@@ -130,6 +130,8 @@ def find_source(
 MOST_TRIES = 60
 """Packages that are asked for, one after another."""
 
+_MACRO = re.compile(rb"<!--.*?-->|(<xacro:|=\s*[\"'][^\"'<>]*\$\{)", re.DOTALL)
+"""Comments, and as its group a tag or an attribute that xacro alone understands."""
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _OUTSIDE = re.compile(r"wants to read `[^`]*?/tree/([^`]+)`")
 _MISSING = re.compile(r"no file `([^`]+)` among the readable files")

@@ -74,6 +74,16 @@ def test_a_urdf_that_only_declares_the_namespace_is_none(robots: Path, tmp_path:
     assert proposed(dog, tmp_path).recipe.source.urdf == "robot.urdf"
 
 
+@pytest.mark.parametrize("is_comment", [False, True])
+def test_a_urdf_with_an_expression_in_a_value_is_a_xacro(is_comment: bool, tmp_path: Path):
+    """Without a tag of xacro's; `<!-- ... -->` is what an expanded file may have kept of one."""
+    limit = '<limit lower="-${pi}" effort="1" velocity="1"/>'
+    swing = joint("swing", "world", "arm", content=limit)
+    kept = f"<!-- {swing} -->" + joint("swing", "world", "arm") if is_comment else swing
+    text = robot(link("world", ""), link("arm", inertial()), kept)
+    assert bool(proposed(text, tmp_path).recipe.source.xacro) != is_comment
+
+
 def test_a_urdf_that_defines_its_macro_is_a_xacro(tmp_path: Path):
     macro = '<xacro:macro name="tip"><link name="tip"/></xacro:macro><xacro:tip/></robot>'
     text = robot(link("a")).replace("<robot ", NAMESPACE).replace("</robot>", macro)
