@@ -353,8 +353,7 @@ class Trials(mujoco.InMujoco):
             (SUNK, "deepest_contact_m", self.penetration, "a contact still penetrates", "m"),
             (DRIFT, "drift_m", self.drift, "in 1000 steps its base wandered", "m"),
         ):
-            value = settled[name]
-            if value > limit:
+            if (value := settled[name]) > limit:
                 yield rule(
                     "robot",
                     f"two seconds after a drop from {self.drop:g} m {what} {value:.3g} {unit}",

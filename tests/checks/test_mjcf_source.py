@@ -39,9 +39,9 @@ FLOATING = """<mujoco model="r">
     <subtreeangmom name="L" body="trunk"/><actuatorfrc name="f" actuator="m"/></sensor>
   <keyframe><key name="home" qpos="0 0 .4 1 0 0 0 .3 .01" ctrl="0.2 0.5"/></keyframe>
 </mujoco>"""
-
-FAR = '<worldbody><camera name="far" pos="0 -2 1" mode="trackcom" target="leg"/>'
-SEEN_FROM_AFAR = FLOATING.replace("<worldbody>", FAR)
+FAR = FLOATING.replace(
+    "</worldbody>", '<camera name="far" pos="0 -2 1" mode="trackcom" target="leg"/></worldbody>'
+)
 
 
 def built(text: str, folder: Path, mesh: str = TET, **recipe: object) -> Written:
@@ -94,12 +94,10 @@ f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n"""
 
 
 @pytest.mark.parametrize(("moved_m", "is_found"), [(1e-9, False), (1e-4, True)])
-def test_rounding_of_a_mesh_about_its_origin_is_no_difference(
-    moved_m: float, is_found: bool, tmp_path: Path
-):
+def test_rounding_of_a_centred_mesh_passes(moved_m: float, is_found: bool, tmp_path: Path):
     """Its mean corner is nearly 0: what may differ is a share of the mesh's size, not of that."""
-    text = FLOATING.replace('refpos=".1 .2 .3" refquat="1 .3 .2 .1"', "")
-    written = built(text, tmp_path, EVEN)
+    centred = FLOATING.replace('refpos=".1 .2 .3" refquat="1 .3 .2 .1"', "")
+    written = built(centred, tmp_path, EVEN)
     move_first_corner(written, moved_m)
     assert bool(compared(written)) == is_found
 
@@ -249,7 +247,7 @@ TEXTS = {
 }  # fmt: skip
 SAME = {
     "floating": (FLOATING, TET),
-    "a camera of the world that states a target in vain": (SEEN_FROM_AFAR, TET),
+    "a camera of the world that states a target in vain": (FAR, TET),
     "an ellipsoid of a mesh": (fitted("ellipsoid"), TET),
     "a capsule of a mesh": (fitted("capsule"), TET),
     "a box of a mesh": (fitted("box"), TET),
@@ -382,9 +380,7 @@ def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("memory", "kept"), [("64M", 2**26), ("1M", None)])
-def test_more_memory_than_mujoco_takes_by_itself_is_kept(
-    memory: str, kept: int | None, tmp_path: Path
-):
+def test_more_memory_than_mujoco_takes_is_kept(memory: str, kept: int | None, tmp_path: Path):
     text = FLOATING.replace("<worldbody>", f'<size memory="{memory}"/><worldbody>')
     written = built(text, tmp_path)
     assert ("<size" in written.xml.read_text()) is (kept is not None)

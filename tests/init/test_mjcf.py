@@ -183,16 +183,6 @@ def test_weak_drives_turn_home_only_where_there_is_weight(option: str, hangs: bo
     assert bool(proposed(text, tmp_path).recipe.keyframes["home"].joints) == hangs
 
 
-def test_a_body_without_a_joint_is_repaired_as_it_is_built(tmp_path: Path):
-    """10 g within 43 mm have no 0.001 kg m2; merged with its arm the hand would be plausible."""
-    text = """<mujoco model="arm"><worldbody><body name="base"><geom size=".1"/><body name="arm">
-    <joint axis="1 0 0"/><geom type="box" size=".2 .02 .02" mass=".1"/>
-    <body name="hand" pos=".2 0 0"><inertial pos="0 0 0" mass=".01" diaginertia=".001 .001 .001"/>
-    <geom type="box" size=".025 .025 .025"/></body></body></body></worldbody></mujoco>"""
-    (edit,) = proposed(text, tmp_path).recipe.edits
-    assert edit.model_dump()["inertia_from_geometry"]["link"] == "hand"
-
-
 @pytest.mark.parametrize(("springs", "guessed"), [(3, False), (1, True)])
 def test_a_mechanism_that_springs_move_gets_no_guessed_drives(
     springs: int, guessed: bool, tmp_path: Path

@@ -270,3 +270,13 @@ def test_a_robot_of_which_no_mass_is_known_is_said_to_be_not_ready(
     joints = [joint("to_arm", "base", "arm"), joint("to_hand", "arm", "hand", xyz="0.3 0 0")]
     found = proposed(robot(*links, *joints), tmp_path).proposal.unmended
     assert any("masses" in sentence for sentence in found) is unknown
+
+
+def test_a_body_without_a_joint_is_repaired_as_it_is_built(tmp_path: Path):
+    """10 g within 43 mm have no 0.001 kg m2; merged with its arm the hand would be plausible."""
+    text = """<mujoco model="arm"><worldbody><body name="base"><geom size=".1"/><body name="arm">
+    <joint axis="1 0 0"/><geom type="box" size=".2 .02 .02" mass=".1"/>
+    <body name="hand" pos=".2 0 0"><inertial pos="0 0 0" mass=".01" diaginertia=".001 .001 .001"/>
+    <geom type="box" size=".025 .025 .025"/></body></body></body></worldbody></mujoco>"""
+    (edit,) = proposed(text, tmp_path).recipe.edits
+    assert edit.model_dump()["inertia_from_geometry"]["link"] == "hand"

@@ -20,7 +20,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.robot.pose import Array, normalised_quat, rotation_of
 from assetbuild.simulators.mujoco import mj
 from assetbuild.source.mjcf.copies import write_out
-from assetbuild.source.mjcf.includes import below, expanded, folder_of
+from assetbuild.source.mjcf.includes import below, expanded, folder_of, overlooked
 from assetbuild.source.mjcf.scenery import JOINTS, cut_scenery
 from assetbuild.source.mjcf.text import (
     AT,
@@ -37,8 +37,7 @@ from assetbuild.source.mjcf.text import (
     where_of,
     world_of,
 )
-from assetbuild.source.urdf.xml import read_xml
-from assetbuild.xml_text import FAULTS, free_name
+from assetbuild.xml_text import free_name
 
 REFUSED = {
     "composite": "MuJoCo 4 has none; MuJoCo 3 writes its bodies out (`mj_saveLastXML`): build that",
@@ -58,13 +57,6 @@ FREE_BASE = Rule(
     "three slides and a ball joint let the robot's root move as a free joint does: they were read "
     "as one, with the same positions and velocities",
     "nothing",
-)
-NOT_XML = Rule(
-    "mjcf.xml",
-    "warning",
-    "the text is not quite XML (`--` in a comment, no blank between two attributes, ...); MuJoCo "
-    "overlooks it",
-    "mend the line",
 )
 
 
@@ -93,7 +85,7 @@ class FlattenMjcf(Step):
 
         tree = files.inputs / "tree"
         root = write_out(_resolved(expanded(self.file, tree)), lambda asked: _attached(asked, tree))
-        findings = [*_overlooked(root, tree), *_without_sensors_of_plugins(root)]
+        findings = [*overlooked(root, tree), *_without_sensors_of_plugins(root)]
         _check_words(root, self.grammar)
         for tag, hint in REFUSED.items():
             refused = next(root.iter(tag), None)
@@ -115,15 +107,6 @@ class FlattenMjcf(Step):
         # Not `method="c14n"`: libxml2's refuses a relative namespace.
         (files.outputs / "source.xml").write_bytes(str(etree.canonicalize(root)).encode())
         yield from findings
-
-
-def _overlooked(root: Element, tree: Path) -> Iterator[Finding]:
-    """Report the faults of the text of each file that an element stands in."""
-    for file in dict.fromkeys(where_of(element).file for element in root.iter("*")):
-        for fault in read_xml((tree / file).read_bytes(), file, "MJCF")[1]:
-            what, remedy = FAULTS[fault.kind]
-            message = f"{what}: `{fault.text}` ({file}:{fault.line})"
-            yield NOT_XML("robot", message, remedy, data={"fault": fault.kind, "line": fault.line})
 
 
 def _check_words(root: Element, grammar: float) -> None:

@@ -9,15 +9,23 @@ from pathlib import Path
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.source.mjcf.text import AT, Element, error_at, where_of
 from assetbuild.source.urdf.xml import read_xml
+from assetbuild.xml_text import FAULTS
 
 OTHERWISE = {
     "robot": "this is URDF: use `source.urdf`",
     "mujocoinclude": "this is a part of a model: give the file that includes it",
 }
 """What the file is, by its root element."""
+NOT_XML = Rule(
+    "mjcf.xml",
+    "warning",
+    "the text is not quite XML (`--` in a comment, no blank between two attributes, ...); MuJoCo "
+    "overlooks it",
+    "mend the line",
+)
 
 
 class ListIncludes(Step):
@@ -131,3 +139,12 @@ def below(element: Element, folder: str, name: str | None = None) -> str:
         hint = "choose a higher `source.root` in the recipe"
         raise error_at(element, f"file `{name}` leads out of the source", hint)
     return path
+
+
+def overlooked(root: Element, tree: Path) -> Iterator[Finding]:
+    """Report the faults of the text of each file that an element stands in."""
+    for file in dict.fromkeys(where_of(element).file for element in root.iter("*")):
+        for fault in read_xml((tree / file).read_bytes(), file, "MJCF")[1]:
+            what, remedy = FAULTS[fault.kind]
+            message = f"{what}: `{fault.text}` ({file}:{fault.line})"
+            yield NOT_XML("robot", message, remedy, data={"fault": fault.kind, "line": fault.line})
