@@ -322,19 +322,25 @@ def collect(session: Session, action: Action, folder: Path) -> dict[str, str]:
 
 
 def _linked(session: Session, action: Action, folder: Path) -> Listing:
-    """What links in the outputs to inputs, files or whole folders, stand for; the links go."""
-    inputs = {str(folder / "inputs" / name): name for name in action.inputs}
-    listing: Listing = {}
-    for path in list(filter(Path.is_symlink, (folder / "outputs").rglob("*"))):
-        name = inputs.get(os.readlink(path), "")  # noqa: PTH115 # the text is compared
-        place = path.relative_to(folder / "outputs").as_posix()
-        if name:
-            path.unlink()
+    """What links in the outputs to inputs, files or folders of them, stand for; the links go."""
+    links = [path for path in (folder / "outputs").rglob("*") if path.is_symlink()]
+    read: Listing = {}
+    for name, digest in action.inputs.items() if links else ():
         if name.endswith("/"):
+            read |= {name + member: held for member, held in session.tree(digest).items()}
+        else:
+            read[name] = (digest, session.object(digest).stat().st_size)
+    listing: Listing = {}
+    inputs = f"{folder / 'inputs'}/"
+    for path in links:
+        target = os.readlink(path)  # noqa: PTH115 # the text is compared
+        name = target.removeprefix(inputs) if target.startswith(inputs) else ""
+        place = path.relative_to(folder / "outputs").as_posix()
+        if name in read:
+            path.unlink()
+            listing[place] = read[name]
+        elif inside := below(read, f"{name}/"):
+            path.unlink()
             path.mkdir()
-            held = session.tree(action.inputs[name])
-            listing |= {f"{place}/{member}": file for member, file in held.items()}
-        elif name:
-            digest = action.inputs[name]
-            listing[place] = (digest, session.object(digest).stat().st_size)
+            listing |= {f"{place}/{member}": held for member, held in inside.items()}
     return listing

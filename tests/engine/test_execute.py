@@ -120,6 +120,10 @@ def test_a_link_to_an_input_is_an_output_that_holds_the_same(session, source):
     results = execute(planner.graph(), session)
     assert results["pass on"]["same"] == results["split"]["names.json"]
     assert results["linked"]["out"] == results["split's"]["out"]
+    named = {f"parts/{name}": split["parts/"] / name for name in ("a", "b/c")}
+    planner.add("named", PassOn(), {"names.json": split["names.json"]} | named)
+    again = execute(planner.graph(), session)
+    assert again["named"].outputs == results["pass on"].outputs, "a folder of files, one by one"
     listing = session.tree(results["pass on"]["out/"])
     assert set(listing) == {"own", "deep/parts/a", "deep/parts/b/c"}
     assert (session.view(results["pass on"]["out/"]) / "deep/parts").is_symlink(), (

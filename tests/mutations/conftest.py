@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 from pathlib import Path
 
 import commands
 import pytest
 from once import made_once
+from tiny import box_obj
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 LEGS = """\
@@ -25,6 +25,7 @@ randomize: {joints: {".*_calf_joint": {kp: [0.9, 1.1]}}}
 targets: [urdf, mjcf, mjx, usd, mjlab]
 validate: {free_fall: null, sine: null}
 """
+COVER = '<visual name="cover"><geometry><mesh filename="cover.obj"/></geometry></visual>'
 
 
 def built(folder: Path, recipe: str) -> Path:
@@ -40,11 +41,13 @@ def built(folder: Path, recipe: str) -> Path:
 
 @pytest.fixture(scope="session")
 def legs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A quadruped of primitives, with every target but Isaac Lab's."""
+    """A quadruped of primitives below a cover, with every target but Isaac Lab's."""
 
     def build(folder: Path) -> None:
         (folder / "robot").mkdir(parents=True)
-        shutil.copy(ROBOTS / "four_legs.urdf", folder / "robot")
+        (folder / "robot/cover.obj").write_bytes(box_obj((0.3, 0.2, 0.02)))
+        urdf = (ROBOTS / "four_legs.urdf").read_text().replace("</link>", f"{COVER}</link>", 1)
+        (folder / "robot/four_legs.urdf").write_text(urdf)
         built(folder, LEGS)
 
     folder: Path = made_once("mutated-legs", build, tmp_path_factory)
