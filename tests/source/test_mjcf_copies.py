@@ -58,9 +58,25 @@ PULLING = '<tendon><spatial name="t"><site site="anchor"/><site site="s"/></spat
 
 def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
     reading = read(robot(PULLED.format("", "<freejoint/>"), PULLING), tmp_path)
-    told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
-    assert told == ["<spatial> `t`", "<muscle> `m`", "<tendonpos> `p`"]
+    told = {f.message.split(" was")[0]: f for f in reading.findings if f.rule == "mjcf.dropped"}
+    assert list(told) == ["<spatial> `t`", "<muscle> `m`", "<tendonpos> `p`"]
+    assert {f.severity for f in told.values()} == {"warning"}
     assert not {i.place for i in reading.control.mjcf_only} & {"tendon", "actuator"}
+
+
+def test_what_belongs_to_another_robot_of_the_scene_is_no_warning(tmp_path: Path):
+    one = '<body name="{0}"><freejoint/><geom size=".1"/><body><joint name="{0}_j"/><geom size=".1"/></body></body>'
+    acting = '<motor name="{0}_m" joint="{0}_j"/>'
+    sensing = '<actuatorfrc name="{0}_f" actuator="{0}_m"/>'
+    both = '<distance name="gap" body1="ant" body2="bee"/>'
+    words = [
+        "".join(word.format(name) for name in ("ant", "bee")) for word in (one, acting, sensing)
+    ]
+    text = robot(words[0], f"<actuator>{words[1]}</actuator><sensor>{words[2]}{both}</sensor>")
+    found = [f for f in read(text, tmp_path, body="ant").findings if f.rule == "mjcf.dropped"]
+    told = [(f.message.split(" was")[0], f.severity) for f in found]
+    lost = [("<motor> `bee_m`", "info"), ("<actuatorfrc> `bee_f`", "info")]
+    assert told == [*lost, ("<distance> `gap`", "warning")]
 
 
 def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path: Path):

@@ -96,10 +96,9 @@ def cut_scenery(root: Element, chosen: str | None) -> Iterator[Finding]:
         str(g.get("name")): _masks(g, classes) for g in grounds if ("geom", g.get("name")) in lost
     }
     standing: dict[str, Element] = {}
-    for element, missing in _cut(root, gone, lost, classes):
+    for element, missing, severity in _cut(root, gone, lost, classes):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
         what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
-        severity: Severity = "warning"
         if element.tag == "pair" and missing in floors:
             standing, severity = standing | dict.fromkeys(ends, element), "info"
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
@@ -253,22 +252,28 @@ def kind_of(key: str, stated: Mapping[str, str]) -> str:
 
 def _cut(
     root: Element, gone: Iterable[Element], lost: _Names, classes: Classes
-) -> Iterator[tuple[Element, str]]:
-    """Yield each element that refers to what is lost, with the name of that."""
-    owners = _owners(root, classes)
+) -> Iterator[tuple[Element, str, Severity]]:
+    """Yield each element that refers to what is lost, with the name of that.
+
+    One that refers to nothing else is no loss of the robot's, and no warning.
+    """
+    owners, of_others = _owners(root, classes), set(lost)
     for top in gone:
         remove(top)
     for section in SECTIONS:
         for element in _of(root, section):
-            missing = [n for e in (element, *element) for n in _named(e) if n in lost]
+            named = [name for e in (element, *element) for name in _named(e)]
+            missing = [name for name in named if name in lost]
             if missing:
-                lost.add((section, str(element.get("name"))))
+                of_other = of_others.issuperset(named)
+                for names in (lost, of_others) if of_other else (lost,):
+                    names.add((section, str(element.get("name"))))
                 remove(element)
-                yield element, missing[0][1]
+                yield element, missing[0][1], "info" if of_other else "warning"
     for watching in of_bodies(root, "camera", "light"):
         if ("body", watching.get("target", "")) in lost:
             remove(watching)
-            yield watching, str(watching.get("target"))
+            yield watching, str(watching.get("target")), "warning"
     for key in root.iterfind("keyframe/key"):
         _slice(key, owners, lost)
 
