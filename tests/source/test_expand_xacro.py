@@ -83,7 +83,8 @@ MISTAKES: dict[str, tuple[str, dict[str, str], dict[str, object], tuple[str, ...
                               "</xacro:macro>")}, {}, ("pkg/m.xacro:3: ",),
     ),
     "an include that is no XML": (
-        OF_PKG, {"pkg/m.xacro": "<robot>\n<link>\n</robot>"}, {}, ("pkg/m.xacro:3: ",),
+        OF_PKG, {"pkg/m.xacro": "<robot>\n<link>\n</robot>"}, {},
+        ("pkg/m.xacro:3: not readable as XML: ", "link line 2", "hint: the file must be XML"),
     ),
     "an include in Latin-1": (
         OF_PKG, {"pkg/m.xacro": '<robot>\n<link name="Revoluci\udcf3n"/></robot>'}, {},

@@ -19,6 +19,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean, nearest, quoted
 from assetbuild.findings import Finding, Rule
 from assetbuild.lfs import refuse_pointer
+from assetbuild.source.urdf.xml import read_xml
 
 SECONDS = 30.0
 """Wall-clock limit of the expansion; real robots take less than one."""
@@ -63,6 +64,7 @@ WARNING = Rule(
 )
 
 
+_NOT_XML = re.compile(r": line \d+, column \d+$")
 _ASKED = re.compile(r"`([^`]+)`|unknown macro name: (\S+)|evaluating expression '(.+?)'")
 """What an error of xacro is about."""
 _DECLARED = re.compile(r"<(?:xacro:)?arg\s[^>]*?name\s*=\s*[\"']([^\"']+)")
@@ -166,6 +168,8 @@ class ExpandXacro(Step):
             if line := _line_of(asked, tree / name):
                 where = Where(name, line)
                 break
+        if _NOT_XML.search(answer["error"]):
+            read_xml(_bytes_of(tree / where.file), where.file, "xacro")  # raises with a hint
         hint = self._hint(answer, tree, asked) or _old_style(tree / where.file)
         return SourceError(f"{answer['error']}{within}", where=where, hint=hint)
 
