@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
@@ -14,7 +13,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Edit, Edited
 from assetbuild.recipe_types import Pattern, Positive
 from assetbuild.robot.chains import Chain, find_chains, is_massless, rigid_with
-from assetbuild.robot.inertia import mass_data, principal_moments, pseudo_inertia
+from assetbuild.robot.inertia import mass_data, principal_moments
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
 
@@ -81,12 +80,12 @@ def _shared(
         }
         solid = max(masses, key=lambda name: masses[name])
     rest = tree.by_body[solid].inertial
-    if rest is None or np.linalg.eigvalsh(pseudo_inertia(rest))[0] <= 0.0:
+    least = principal_moments(rest.inertia_com_kg_m2)[0] if rest else 0.0
+    if rest is None or min(rest.mass_kg, least) <= 0.0:
         raise RecipeError(
-            f"share_mass: the mass properties of link `{solid}` are not those of a solid body",
+            f"share_mass: link `{solid}` has no mass, or a principal moment that is not positive",
             hint="repair them first, by an edit above this one",
         )
-    least = principal_moments(rest.inertia_com_kg_m2)[0]
     moment = stated or max(SHARE * least, LEAST)
     mass = moment / least * rest.mass_kg
     made = Inertial(mass, (0.0, 0.0, 0.0), (moment, moment, moment, 0.0, 0.0, 0.0))

@@ -161,17 +161,26 @@ def test_mass_matrix_and_forces_are_the_same(kind: str, tmp_path: Path):
         assert b == pytest.approx(a, rel=1e-8, abs=1e-8)
 
 
-FLAT = Body("leg", replace(ball_inertial(1.0, 0.1), inertia_com_kg_m2=(1.0, 1.0, 3.0, 0, 0, 0)))
+def with_leg(*moments: float) -> Tree:
+    leg = replace(ball_inertial(1.0, 0.1), inertia_com_kg_m2=(*moments, 0.0, 0.0, 0.0))
+    return replace(hip(), bodies=(*hip().bodies[:3], Body("leg", leg)))
+
+
+def test_a_link_that_is_no_solid_body_before_others_join_it_shares_its_mass():
+    """The lint of the merged body judges its tensor; the share only needs a least moment."""
+    after, _ = shared(with_leg(1.0, 1.0, 3.0))
+    yaw = after.by_body["yaw"].inertial
+    assert yaw and yaw.inertia_com_kg_m2[:3] == pytest.approx([1e-9] * 3)
 
 
 @pytest.mark.parametrize(
     ("tree", "fields", "words"),
     [
         (hip(), {"link": "leg"}, "link `leg` is no massless link"),
-        (replace(hip(), bodies=(*hip().bodies[:3], FLAT)), {}, "not those of a solid body"),
+        (with_leg(-1.0, 1.0, 1.0), {}, "link `leg` has no mass, or a principal moment"),
         (hip(), {"moments": 1.0}, "those of the whole link `leg`"),
     ],
-    ids=["not between", "not solid", "more than there is"],
+    ids=["not between", "negative moment", "more than there is"],
 )
 def test_mass_that_cannot_be_shared_is_refused(tree: Tree, fields: dict[str, Any], words: str):
     with pytest.raises(RecipeError, match=words):
