@@ -110,6 +110,15 @@ class _Files(dict[str, bytes]):
         return content
 
 
+def _shown(linear: float) -> float:
+    """One component of a colour as screens and pictures have it (sRGB, IEC 61966-2-1).
+
+    glTF states the light itself: the specification calls the factors linear.
+    """
+    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    return round(12.92 * linear if linear <= 0.0031308 else curved, 6)
+
+
 class _Materials:
     """Materials of a scene, and the pictures that they use, each once."""
 
@@ -132,8 +141,8 @@ class _Materials:
         texture = self._picture(image, name or "texture")
         rgba: Rgba | None = None
         if factor is not None:
-            r, g, b, a = (round(float(v) / 255.0, 6) for v in factor)
-            rgba = (r, g, b, a)
+            r, g, b, a = (float(v) / 255.0 for v in factor)
+            rgba = (_shown(r), _shown(g), _shown(b), round(a, 6))
         elif texture is not None:
             rgba = (1.0, 1.0, 1.0, 1.0)
         return SurfaceMaterial(name, rgba, texture)

@@ -133,13 +133,15 @@ def test_colours_of_vertices_are_told_as_left_out():
 
 def test_a_glb_arrives_with_nodes_materials_and_colours():
     scene = trimesh.Scene()
-    for name, x, colour in (("a", 0.0, (255, 0, 0, 255)), ("b", 5.0, (0, 0, 255, 255))):
+    for name, x, colour in (("a", 0.0, (128, 0, 1, 128)), ("b", 5.0, (0, 0, 255, 255))):
         material = trimesh.visual.material.PBRMaterial(name=f"paint {name}", baseColorFactor=colour)
         mesh = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False)
         mesh.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(mesh, transform=trimesh.transformations.translation_matrix([x, 0, 0]))
     source = read_mesh(scene.export(file_type="glb"), "glb")
     assert [p.material.name for p in source.parts] == ["paint a", "paint b"]
+    half = (188 / 255, 0.0, 12.92 / 255, 128 / 255)  # screens show half the light as 188 of 255
+    assert source.parts[0].material.rgba == pytest.approx(half, abs=1 / 255)
     assert source.parts[1].material.rgba == (0.0, 0.0, 1.0, 1.0)
     assert source.parts[1].mesh.bounds[0] == pytest.approx([4.5, -1.0, -1.5])
     assert rules(source)["mesh.up_axis"]["honoured"] is False
