@@ -226,10 +226,11 @@ def _legs(robot: InspectedRobot, limbs: list[Leg], height: float) -> tuple[Leg, 
 
 
 def _called_legs(limbs: list[Leg], robot: str) -> tuple[Leg, ...]:
-    """Four limbs or more that are called legs, or of a hexapod, wherever they point at zero."""
+    """Limbs called legs, or a hexapod's, wherever they point: four, or a humanoid's two."""
     walks, able = _WALKER.fullmatch(robot), [limb for limb in limbs if _can_walk(limb)]
     called = (any(map(_LEG.fullmatch, (leg.foot, leg.joints[-1].child))) for leg in able)
-    return _alike([leg for leg, named in zip(able, called, strict=True) if walks or named], 4)
+    named = [leg for leg, called_so in zip(able, called, strict=True) if walks or called_so]
+    return _alike(named, 4) or _alike([leg for leg in named if len(leg.joints) >= ANKLE], 2)
 
 
 def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:

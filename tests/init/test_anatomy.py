@@ -277,6 +277,21 @@ def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Pa
     assert found["lidar"] == "spinner"
 
 
+@pytest.mark.parametrize(("joints", "base"), [(5, "floating"), (3, "fixed")])
+def test_two_legs_by_name_are_a_humanoids_where_they_point_up(
+    joints: int, base: str, tmp_path: Path
+):
+    """An Onshape export drawn upside down; three joints each might as well be two arms."""
+    sides = {side: [f"{side}_leg_{number}" for number in range(joints)] for side in ("l", "r")}
+    legs = [
+        limb(names, f"0 {y} 0", -0.1, kind="revolute", limit=BOUNDED)
+        for names, y in zip(sides.values(), (0.1, -0.1), strict=True)
+    ]
+    anatomy, found = seen(tmp_path, TRUNK, *legs)
+    assert anatomy.base == base
+    assert ({*found.values()} == {"leg"}) == (base == "floating")
+
+
 @pytest.mark.parametrize(("mass", "stands"), [(0.005, True), (0.3, False)])
 def test_gears_and_rods_beside_a_leg_are_no_limbs(mass: float, stands: bool, tmp_path: Path):
     """ToddlerBot has gears on its thighs, where the shanks hang."""
