@@ -149,18 +149,23 @@ def _refusal(message: str, text: str, root: Element) -> SourceError:
 
     words = " ".join(message.removeprefix("XML Error: ").removeprefix("Error: ").split())
     match = _LINE.search(words)
-    where = where_of(root)
+    at = root
     if match:
         lines = [int(element.sourceline or 0) for element in etree.fromstring(text).iter("*")]  # type: ignore[call-overload] # the stubs call it a literal
         if int(match[1]) in lines:
-            where = where_of(list(root.iter("*"))[lines.index(int(match[1]))])
+            at = list(root.iter("*"))[lines.index(int(match[1]))]
         words = _LINE.sub("", words)
     hint = FROM_OUTSIDE if "not found" in words else ""
     if "unrecognized" in words:
-        hint = (
-            f"correct its spelling; or remove it, where MuJoCo {mj.__version__} no longer knows it"
+        above = at.getparent()
+        place = (
+            f" or its place, in <{above.tag}>" if "element" in words and above is not None else ""
         )
-    return SourceError(f"MuJoCo does not compile it: {words}", where=where, hint=hint)
+        hint = (
+            f"correct its spelling{place}; or remove it, where MuJoCo {mj.__version__} no longer "
+        )
+        hint += "knows it"
+    return error_at(at, f"MuJoCo does not compile it: {words}", hint)
 
 
 def plain(root: Element) -> Element:
