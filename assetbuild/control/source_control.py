@@ -360,4 +360,5 @@ def _bodies_of(thing: Sensor | MjcfOnly) -> tuple[str, list[str]]:
     ]
     if thing.place in ("body", "root") and thing.owner:
         names.append(thing.owner)
-    return f"<{element.tag}> `{element.get('name', '')}`", names
+    name = element.get("name")
+    return f"<{element.tag}> `{name}`" if name else thing.element, names

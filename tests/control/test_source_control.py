@@ -105,13 +105,14 @@ def test_each_kind_of_thing_that_only_mjcf_has_is_told_once(arm: Reading, tmp_pa
 
 def test_what_stands_on_a_merged_body_is_dropped_aloud(tmp_path: Path):
     text = PAIR.replace("<sensor>", '<sensor><subtreecom name="s" body="c"/>')
-    reading = read(text, tmp_path / "read")
+    reading = read(text.replace('name="c"', 'name="c" gravcomp="0.5"'), tmp_path / "read")
     reading.source = reading.source.__class__(reading.source.control, ("a", "b"), ())
     (reading.read / "source_control.json").write_bytes(encode(reading.source))
     written = write(reading, tmp_path / "out")
     dropped = [f for f in written.findings if f.rule == "mjcf.dropped"]
-    assert [f.subject for f in dropped] == ["link c"]
-    assert "keep_bodies" in dropped[0].hint
+    told = [f.message.partition(" was left out")[0] for f in dropped]
+    assert told == ['<body gravcomp="0.5"/>', "sensor `s`"]
+    assert {f.subject for f in dropped} == {"link c"} and "keep_bodies" in dropped[0].hint
     assert written.control.excludes == (("a", "b"),), "the pair follows the merged link"
 
 
