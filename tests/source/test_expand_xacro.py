@@ -80,7 +80,8 @@ MISTAKES: dict[str, tuple[str, dict[str, str], dict[str, object], tuple[str, ...
     "no such name in an include": (
         OF_PKG + "<xacro:good/>",
         {"pkg/m.xacro": robot('\n\n<xacro:macro name="good" params=""><link name="${foo}"/>'
-                              "</xacro:macro>")}, {}, ("pkg/m.xacro:3: ",),
+                              "</xacro:macro>")}, {},
+        ("pkg/m.xacro:3: ", "hint: define `foo` above its use by "),
     ),
     "an include that is no XML": (
         OF_PKG, {"pkg/m.xacro": "<robot>\n<link>\n</robot>"}, {},

@@ -171,6 +171,9 @@ class ExpandXacro(Step):
         if _NOT_XML.search(answer["error"]):
             read_xml(_bytes_of(tree / where.file), where.file, "xacro")  # raises with a hint
         hint = self._hint(answer, tree, asked) or _old_style(tree / where.file)
+        if unknown := re.search(r"name '(\w+)' is not defined", "" if hint else answer["error"]):
+            hint = f"define `{unknown[1]}` above its use by <xacro:property>; or does another file "
+            hint += "include this one? Build that file"
         return SourceError(f"{answer['error']}{within}", where=where, hint=hint)
 
     def _hint(self, answer: dict[str, Any], tree: Path, asked: str) -> str:  # Any: JSON
