@@ -33,6 +33,9 @@ STARTS = 24
 SEED = 7
 RANK = 1e-8
 """A direction whose singular value is below this share of the largest one is not constrained."""
+SLACK = 1e-4
+"""A motion that opens a loop by less, m per rad, is free: CAD exports put pins and axes so far off,
+simulators give way by as much, and no lever is as short."""
 STILL = 1e-6
 """A joint that moves by less than this share of a free motion does not take part in it."""
 
@@ -175,8 +178,9 @@ def free_motions(loops: Sequence[Loop], bodies: Mapping[str, Motion]) -> Array:
     """(nv, k): an orthonormal basis of the velocities that keep all loops closed."""
     jacobian = constraint_jacobian(loops, bodies)
     _, sizes, rows = np.linalg.svd(jacobian, full_matrices=True)
-    rank = int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum())
-    basis: Array = rows[rank:].T
+    rank = int((sizes > SLACK * max(float(sizes.max(initial=0.0)), 1.0)).sum())
+    basis: Array = rows[rank:].T.copy()
+    basis[np.linalg.norm(basis, axis=1) < STILL] = 0.0
     return basis
 
 
@@ -214,9 +218,7 @@ def _still(
     return tuple(
         name
         for name in joints
-        if name in held
-        and name in moving.joints
-        and float(np.linalg.norm(basis[moving.joints.index(name)])) < STILL
+        if name in held and name in moving.joints and not basis[moving.joints.index(name)].any()
     )
 
 

@@ -99,6 +99,20 @@ def test_a_crank_at_its_dead_centre_is_not_locked():
     assert locked_joints(robot.tree, robot.control.loops, found.positions, joints) == ()
 
 
+@pytest.mark.parametrize(("tilt", "locked"), [(1e-4, ()), (0.1, ("crank_joint",))])
+def test_axes_that_are_parallel_but_for_rounding_lock_no_crank(
+    tilt: float, locked: tuple[str, ...]
+):
+    robot, q = four_bar(), closed(0.4)
+    joints = [
+        replace(j, axis=(tilt, 1.0, 0.0)) if "rocker" in j.name else j for j in robot.tree.joints
+    ]
+    tree = replace(robot.tree, joints=tuple(joints))
+    assert locked_joints(tree, robot.control.loops, q, ("crank_joint",)) == locked
+    inertia = felt_inertia(robot.control.loops, dynamics(tree, q, {}))
+    assert math.isinf(inertia["crank_joint"]) == bool(locked)
+
+
 @pytest.mark.parametrize(("kind", "ways"), [("connect", 2), ("hinge", 1)])
 def test_a_hinge_holds_the_axis_too(kind: str, ways: int):
     """A coupler that twists about its own length may do so at a point, and not at a pin."""
