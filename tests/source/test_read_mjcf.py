@@ -325,7 +325,7 @@ ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos n
         (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
         (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`\nhint: if another file includes this one"),
         (robot('<body name="a"><geom apirate="9" size=".1"/></body>'), "no longer knows it"),
-        (robot('<body name="a"><geom size=".1"/></body>\n<keyframe><key/></keyframe>'), "correct its spelling or its place, in <worldbody>; "),
+        (robot('<body name="a"><geom size=".1"/></body>\n<keyframe><key/></keyframe>'), "correct its spelling or its place; "),
         (robot('<body name="nan">\n<geom size=".1" pos="0 nan 0"/></body>'), "robot.xml:2: <geom> `pos` is `0 nan 0`: not a finite number"),
         (robot('<body name="inf">\n<joint name="j" range="-inf inf"/><geom size=".1"/></body>'), "robot.xml:2: <joint> `range` is `-inf inf`: not a finite number"),
         (robot('<body>\n<geom size=".1"/><geom type="hfield" hfield="h"/></body>', head='<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'), "robot.xml:2: the mass of a height field is not read"),

@@ -157,14 +157,8 @@ def _refusal(message: str, text: str, root: Element) -> SourceError:
         words = _LINE.sub("", words)
     hint = FROM_OUTSIDE if "not found" in words else ""
     if "unrecognized" in words:
-        above = at.getparent()
-        place = (
-            f" or its place, in <{above.tag}>" if "element" in words and above is not None else ""
-        )
-        hint = (
-            f"correct its spelling{place}; or remove it, where MuJoCo {mj.__version__} no longer "
-        )
-        hint += "knows it"
+        hint = "correct its spelling or its place; or remove it, where MuJoCo "
+        hint += f"{mj.__version__} no longer knows it"
     return error_at(at, f"MuJoCo does not compile it: {words}", hint)
 
 
