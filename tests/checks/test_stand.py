@@ -214,6 +214,12 @@ def test_a_tall_robot_that_rocks_when_the_ground_tilts_does_not_creep():
     assert slope.speed < SLOW
 
 
+def test_a_robot_at_the_edge_of_its_feet_is_not_judged():
+    """On a slope of 5 mrad its rocking, scaled up a hundredfold, looked like metres a second."""
+    edge = TOWER.replace('pos="0 0 .8"', 'pos=".155 0 .8"')
+    assert "it tips over on 0.01" in str(creep(mujoco.MjModel.from_xml_string(edge)))
+
+
 def test_feet_without_friction_are_not_judged(tmp_path: Path) -> None:
     contact = DOG.control.contact.model_copy(update={"condim": 1, "priority": 1})
     findings, measured = evaluate(tmp_path, with_control(DOG, contact=contact))

@@ -30,6 +30,8 @@ SLOW = 0.001
 """m/s that feet may slide at, where nobody says."""
 LEAN = 0.4
 """Share of the angle at which it would tip over that the ground tilts by at most."""
+LEAST_LEAN = 0.02
+"""rad; on the slope that such a robot stands on, its rocking is all that can be measured."""
 FLATTER = (1.0, 0.5, 0.25)
 """Parts of that angle that are tried, one after the other, until the robot's drives carry it."""
 FALLEN = 0.3
@@ -110,6 +112,8 @@ def slope_under(model: Model, share: float) -> Slope | str:
     if margin is None or margin <= 0.0:
         return "its centre of mass is not over its feet"
     lean = math.atan2(margin, float(start.subtree_com[0][2]))
+    if lean < LEAST_LEAN:
+        return f"it tips over on {lean:.2g} rad, which says nothing about friction"
     return slope_at(min(share * math.atan(mu), LEAN * lean), mu, share)
 
 
