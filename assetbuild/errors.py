@@ -228,6 +228,11 @@ def _stem(path: str) -> str:
     return name.rpartition(".")[0] or name
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """`1 body`, `2 bodies`. many: default, `one` with an s."""
+    return f"{number} {one if number == 1 else many or f'{one}s'}"
+
+
 def one_line(error: object, most: int = 200) -> str:
     """What an error of another library says, without line breaks."""
     return " ".join(str(error).split())[:most]

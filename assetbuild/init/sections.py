@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.body.lint import MIMIC_LIMITS, invented
+from assetbuild.errors import counted
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import (
     compound_pairs,
@@ -130,10 +131,11 @@ def put_head(
 ) -> None:
     """What the robot is and what no recipe can mend, in a comment, and its name."""
     tree, name = robot.tree, robot.links.name
-    mass, moving = total_mass(tree), len(tree.moving_joints)
+    mass, moving = total_mass(tree), counted(len(tree.moving_joints), "moving joint")
+    bodies = counted(len(tree.bodies), "body", "bodies")
     lines = [
         "yaml-language-server: $schema=recipe.schema.json",
-        f"{plain(name, 80)}: {mass:.4g} kg, {len(tree.bodies)} bodies, {moving} moving joints",
+        f"{plain(name, 80)}: {mass:.4g} kg, {bodies}, {moving}",
         "Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
         f"assetbuild build {shown_path(path)}",
         *(f"NOT READY: {problem}" for problem in unmended),
@@ -197,7 +199,8 @@ def _put_source(draft: Draft, source: UrdfSource, path: Path) -> None:
 
 def _put_fixed_joints(draft: Draft, robot: InspectedRobot) -> None:
     links, bodies = len(robot.links.bodies), len(robot.tree.bodies)
-    merged = f"{links} links become {bodies} bodies; the others survive as frames"
+    remain = counted(bodies, "body", "bodies")
+    merged = f"{links} links become {remain}; the others survive as frames"
     why = merged if bodies < links else "every link moves, so none is merged"
     draft.put(True, "fixed_joints", "merge", beside=why)
 

@@ -17,7 +17,7 @@ from assetbuild.engine.rebuild import Difference, run_again
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
-from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
+from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError, counted
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import evaluate, failures
@@ -235,9 +235,9 @@ def _planned(job: _Job, say: Callable[[str], None], messages: set[str], p: Plann
 
 def _robot_words(tree: Tree) -> str:
     """`13 bodies, 12 moving joints, 13.1 kg`."""
-    bodies, moving = len(tree.bodies), len(tree.moving_joints)
-    joints = f"{moving} moving joint{'s' * (moving != 1)}"
-    return f"{bodies} bod{'y' if bodies == 1 else 'ies'}, {joints}, {total_mass(tree):.3g} kg"
+    bodies = counted(len(tree.bodies), "body", "bodies")
+    joints = counted(len(tree.moving_joints), "moving joint")
+    return f"{bodies}, {joints}, {total_mass(tree):.3g} kg"
 
 
 def _finish(job: _Job, done: Settled[Outline], session: Session, request: Request) -> Outcome:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeGuard
 
+from assetbuild.errors import counted
 from assetbuild.report.tables import Record, Table, table, text_of
 from assetbuild.report.verdict import CheckResult
 
@@ -110,7 +111,7 @@ def _slope(f: Figures) -> str:
 def _mass(f: Figures) -> str:
     stated = f.get("datasheet_kg")
     beside = f"; its data sheet says {float(stated):.4g} kg" if stated is not None else ""
-    return f"{float(f['total_kg']):.4g} kg in {len(f['bodies'])} bodies{beside}"
+    return f"{float(f['total_kg']):.4g} kg in {counted(len(f['bodies']), 'body', 'bodies')}{beside}"
 
 
 def _loops(f: Figures) -> str:
@@ -152,7 +153,9 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "gains": lambda f: (
         f"stiffness, damping and sag of {len(f['joints'])} drives at `{f['keyframe']}`"
     ),
-    "coverage": lambda f: f"collision and visual geometry of {len(f['bodies'])} bodies compared",
+    "coverage": lambda f: (
+        f"collision and visual geometry of {counted(len(f['bodies']), 'body', 'bodies')} compared"
+    ),
     "usd_valid": lambda f: f"OpenUSD's validators read {float(f['bytes']) / 1e6:.3g} MB of USD",
     "trials": lambda f: (
         "released, shaken and simulated with other time steps: the energy drifts by "

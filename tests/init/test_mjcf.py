@@ -228,7 +228,7 @@ def test_a_root_that_weighs_by_a_fixed_body_alone_becomes_one_with_it(tmp_path: 
     pelvis = f'<body name="pelvis"><geom size=".1"/>{head}{leg}</body>'
     made = proposed(of_bodies(f'<body name="root"><freejoint/>{pelvis}</body>'), tmp_path)
     assert made.recipe.targets == ALL
-    assert "kg, 3 bodies, 1 moving joints" in made.text, "the root, the leg and its foot"
+    assert "kg, 3 bodies, 1 moving joint" in made.text, "the root, the leg and its foot"
     assert "fixed_joints: {merge: true, keep_bodies: [foot]}" in made.text
     assert "# root cannot be simulated alone" in made.text
 

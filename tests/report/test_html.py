@@ -117,7 +117,7 @@ MASS = {"total_kg": 13.100529, "datasheet_kg": None, "bodies": [{}, {}]}
         ("mass", MASS, "13.1 kg in 2 bodies"),
         ("own", {"gap_m": 0.123456}, "gap 0.1235 m"),
         ("coverage", {"bodies": [{"body": "trunk", "sticks_out_mm": 11.0}]},
-         "geometry of 1 bodies compared"),
+         "geometry of 1 body compared"),
         ("physx_slope", {"usd": {"speed_m_s": 0.0005}},
          "usd: creeps at 0.5 mm/s below the angle of friction"),
         ("smoke_mjlab", {"fell": 0, "summary": "0 of 8 robots fell"}, "0 of 8 robots fell"),
