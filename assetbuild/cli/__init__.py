@@ -36,11 +36,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.recipes = recipes_of(arguments.recipes)
     _end_as_by_ctrl_c()
     _show_plugin_warnings()
-    watches = arguments.verb == "watch"
-    if watches or (arguments.verb == "build" and not arguments.dry_run):
+    if arguments.verb == "build" and not arguments.dry_run:
         from assetbuild.engine import children
 
-        children.begin(keep=watches)
+        children.begin()
     try:
         code = runner(arguments.verb)(arguments)
         sys.stdout.flush()  # what the output refuses is refused here, and not at the exit

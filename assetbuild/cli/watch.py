@@ -9,6 +9,7 @@ from pathlib import Path
 
 from assetbuild.cli import Terminated, print_error
 from assetbuild.cli.build import build_and_print, requests_of
+from assetbuild.engine import children
 from assetbuild.engine.noop_build import lines_of, renewed
 from assetbuild.engine.questions import STAMP, answer
 from assetbuild.engine.world import World, files_in
@@ -22,6 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Watch until Ctrl-C: then 0 if it waits, 130 if it builds."""
     requests = requests_of(arguments)
     while True:
+        children.begin(keep=True)
         world, began_ns = World(), time.time_ns()
         try:
             build_and_print(requests, world)

@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -98,7 +99,7 @@ class Children:
         self.folder = folder
         self.closed = False
         early = _EARLY.pop() if _EARLY else _Early()
-        self._origin, self._workers = early.origin, early.workers
+        self._origin, self._workers, self._keep = early.origin, dict(early.workers), early.keep
         self._lock = threading.Lock()
         # The kernel's parent-death signal is tied to the *thread* that starts a process, so it is
         # started by one thread that lives as long as this object.
@@ -146,28 +147,32 @@ class Children:
 
     def rest(self) -> None:
         """Let the workers go while no step comes; one that comes yet has new ones."""
-        if _KEEPING:
+        if self._keep:
             return
         with self._lock:
             for worker in self._workers.values():
                 worker.ask_to_leave()
 
     def close(self) -> None:
-        """Kill every step that runs and end the workers; two seconds at most."""
+        """Kill every step that runs and end the workers, two seconds at most; or keep those that
+        have nothing to do.
+        """
         with self._lock:
+            if self.closed:
+                return
             self.closed = True
             workers = list(self._workers.values())
-            if _KEEPING and not any(worker.busy for worker in workers):
-                _EARLY.append(_Early(self._origin, dict(self._workers)))
-                self._launcher.shutdown(wait=False)
-                return
+            stays = self._keep and not any(worker.busy for worker in workers)
+            if stays:
+                _EARLY.append(_Early(self._origin, dict(self._workers), keep=True))
             self._workers.clear()
-        for worker in workers:
-            worker.ask_to_leave()
-        for worker in workers:
-            worker.end()
-        if self._origin is not None:
-            self._origin.end()
+        if not stays:
+            for worker in workers:
+                worker.ask_to_leave()
+            for worker in workers:
+                worker.end()
+            if self._origin is not None:
+                self._origin.end()
         self._launcher.shutdown(wait=False)
 
 
@@ -249,15 +254,15 @@ class Origin(Door):
 
 @dataclass(frozen=True)
 class _Early:
-    """What runs before a build needs it."""
+    """What runs before a build needs it. keep: it serves the build after that one, too."""
 
     origin: Origin | None = None
-    workers: dict[Kind, Worker] = field(default_factory=dict)
+    workers: Mapping[Kind, Worker] = field(default_factory=dict)
+    keep: bool = False
 
 
 _EARLY: list[_Early] = []
 """At most one, which the next `Children` of this process takes over."""
-_KEEPING: list[bool] = []
 
 
 def begin(*, keep: bool = False) -> None:
@@ -267,8 +272,7 @@ def begin(*, keep: bool = False) -> None:
     """
     with suppress(OSError):  # the build says what is wrong
         if not _EARLY:
-            _EARLY.append(_Early(Origin()))
-    _KEEPING[:] = [True] if keep else []
+            _EARLY.append(_Early(Origin(), keep=keep))
 
 
 class Worker(Door):

@@ -310,15 +310,13 @@ def collect(session: Session, action: Action, folder: Path) -> dict[str, str]:
     for name in written:
         if any("\ud800" <= letter <= "\udfff" for letter in name):  # undecodable bytes
             raise StepError(f"step `{action.label}` wrote a file whose name is not UTF-8: {name!a}")
-    store = session.store
-    return {
-        name: store.put_tree(folder / name, below(linked, name))
-        if name.endswith("/")
-        else linked[name][0]
-        if name in linked
-        else store.put_file(folder / name, move=True)
-        for name in declared
-    }
+    digests = {name: linked[name][0] for name in declared if name in linked}
+    for name in declared:
+        if name.endswith("/"):
+            digests[name] = session.store.put_tree(folder / name, below(linked, name))
+        elif name not in digests:
+            digests[name] = session.store.put_file(folder / name, move=True)
+    return digests
 
 
 def _linked(session: Session, action: Action, folder: Path) -> Listing:

@@ -9,6 +9,7 @@ import signal
 import site
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -119,8 +120,7 @@ def test_a_process_that_began_before_the_build_forks_its_workers(session, tmp_pa
     assert origin.dead, "it ends with the build"
 
 
-def test_workers_that_are_kept_serve_the_next_build(tmp_path, monkeypatch):
-    monkeypatch.setattr(children, "_KEEPING", [])
+def test_workers_that_are_kept_serve_the_next_build(tmp_path):
     children.begin(keep=True)
     seen = []
     for number in range(2):
@@ -130,7 +130,8 @@ def test_workers_that_are_kept_serve_the_next_build(tmp_path, monkeypatch):
             seen.append(json.loads(session.read(result["out"]))["worker"])
     assert seen[0] == seen[1]
     assert is_alive(seen[0])
-    children._KEEPING.clear()
+    assert len(children._EARLY) == 1, "though a failed build is closed twice"
+    children._EARLY[:] = [replace(children._EARLY[0], keep=False)]
     with Session(Store(tmp_path / "last")) as session:
         assert one(session, MixInChild()).error is None
     assert not is_alive(seen[0]), "they end with the last one"

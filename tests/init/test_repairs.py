@@ -219,7 +219,7 @@ def test_a_missing_mass_is_a_guess_that_says_so(stated: str, tmp_path: Path):
 
 
 def test_a_body_without_mass_gets_it_from_all_links_that_have_a_volume(tmp_path: Path):
-    """Of a bare frame, a hull and a tower, each like 1 kg of water; the base has 5 kg."""
+    """Hull and tower weigh 1 kg each, as water would; the bare frame before them weighs nothing."""
     parts = [link("base", inertial(5.0)), link("frame", ""), link("hull", SEEN)]
     parts += [link("tower", SOLID), joint("hinge", "base", "frame", axis="1 0 0")]
     parts += [joint("a", "frame", "hull", "fixed", ""), joint("b", "hull", "tower", "fixed", "")]
