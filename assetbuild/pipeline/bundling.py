@@ -274,6 +274,17 @@ def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if file.content is not None:
         path.write_bytes(file.content)
-    else:
+    elif not _is_taken_over(out / file.path, path, file.sha256, session):
         session.object(file.sha256)  # a source comes into the store first
         session.store.restore(file.sha256, path, out)
+
+
+def _is_taken_over(old: Path, path: Path, digest: str, session: Session) -> bool:
+    """Whether a file of the bundle that goes is the same, and is `path` now, too: most are."""
+    try:
+        if old.is_symlink() or not old.is_file() or session.world.stamps.digest(old) != digest:
+            return False
+        os.link(old, path)
+    except OSError:
+        return False
+    return True

@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from urdfs import joint, link, robot
 
 from .conftest import Place
@@ -55,3 +57,27 @@ def test_a_xacro_beside_its_recipe_is_built_and_its_bundle_is_no_part_of_it(legs
     (legs.folder / "notes.md").write_text("no xacro reads this")
     (legs.folder / "parts/.git").mkdir()
     assert is_null(place)
+
+
+def test_a_file_of_the_bundle_that_stays_the_same_is_taken_over(warm_legs: Place, tmp_path: Path):
+    """Not copied again; unless the user has put something else there."""
+
+    def changed(old: str, new: str) -> tuple[str, int, bool]:
+        """With another gain: content and inode of the written URDF, and whether it is a link."""
+        warm_legs.edit(f"kd: {old},", f"kd: {new},")
+        assert warm_legs.ran()
+        return urdf.read_text(), urdf.lstat().st_ino, urdf.is_symlink()
+
+    urdf, other = warm_legs.bundle / "urdf/legs.urdf", tmp_path / "other.urdf"
+    warm_legs.ran()
+    text, inode = urdf.read_text(), urdf.stat().st_ino
+    assert changed("1", "2") == (text, inode, False)
+    assert urdf.stat().st_nlink == 1, "of one bundle alone"
+    urdf.rename(other)
+    urdf.symlink_to(other)
+    assert changed("2", "3")[::2] == (text, False)
+    with urdf.open("a") as file:
+        file.write("<!-- mine -->")
+    assert changed("3", "4")[0] == text
+    aside = warm_legs.bundle.with_name("legs.edited") / "urdf/legs.urdf"
+    assert "mine" in aside.with_name("legs.urdf.1").read_text(), "after the link"
