@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -81,8 +80,8 @@ def explain_textures(shapes: Shapes, folder: Path) -> Iterator[Finding]:
 def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None:
     """The robot's own file, and beside it the meshes and pictures that its shapes name.
 
-    meshes: folder of the built ones, which a link stands for where all are named. MuJoCo reads
-    three channels of a picture if none are stated.
+    meshes: folder of the built ones, to which links lead; one link where all are named. MuJoCo
+    reads three channels of a picture if none are stated.
     """
     for texture in root.iter("texture"):
         if has_holes((meshes / texture.attrib["file"]).read_bytes()):
@@ -98,7 +97,8 @@ def write_robot(path: Path, root: Element, shapes: Shapes, meshes: Path) -> None
         return
     for name in sorted(wanted):
         assets.mkdir(exist_ok=True)
-        shutil.copyfile(meshes / name, assets / name)
+        (assets / name).unlink(missing_ok=True)
+        (assets / name).symlink_to(meshes / name)
 
 
 def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
