@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine import children
-from assetbuild.engine.children import Children, Door, Kind, Origin, Worker
+from assetbuild.engine.children import Children
+from assetbuild.engine.doors import Door, Kind, Origin, Worker
 from assetbuild.engine.step import Step
 
 if TYPE_CHECKING:

@@ -89,6 +89,7 @@ class LintLinks(Step):
     joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
+    shares = True
     own_name = "lint_links"
     bounds: InertiaBounds = InertiaBounds()
     guessed: tuple[str, ...] = ()
@@ -223,6 +224,7 @@ class LintBodies(Step):
     `source_links.json`, where it is there, tells the links to which edits give a mass.
     """
 
+    shares = True
     own_name = "lint_bodies"
     bounds: InertiaBounds = InertiaBounds()
 

@@ -56,6 +56,7 @@ class Measured:
 class MeasureBodies(Step):
     """`tree.json` and the keyframes in `control.json` -> `bodies.json`."""
 
+    shares = True
     outputs = ("bodies.json",)
 
     def run(self, files: Files) -> Iterable[Finding]:

@@ -32,6 +32,7 @@ class MergeFixedJoints(Step):
     With `keep_source` it reads `source_control.json` too, which names the bodies of an MJCF.
     """
 
+    shares = True
     outputs = ("tree.json",)
 
     merge: bool = True

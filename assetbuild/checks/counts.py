@@ -48,6 +48,7 @@ class Counts(Check):
     asks for collision.
     """
 
+    shares = True
     isolated: ClassVar = True
     needs: ClassVar = ("source",)
     reads: ClassVar = ("links.json", "shapes.json")

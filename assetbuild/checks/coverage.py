@@ -57,6 +57,7 @@ class Fit:
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
+    shares = True
     usual_s = 2.0
     isolated = True
     preload = MESH_MODULES

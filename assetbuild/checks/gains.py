@@ -103,6 +103,7 @@ class Effective:
 class Gains(Check):
     """Findings `gains.<what>`; figures: `Effective` by joint. Reads no simulator."""
 
+    shares = True
     reads = ("tree.json", "shapes.json", "control.json")
 
     section = "validate.gains"

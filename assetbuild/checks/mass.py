@@ -112,6 +112,7 @@ class Filled:
 class Mass(Check):
     """Findings `mass.<what>`: of the robot's total and of each body against its geometry."""
 
+    shares = True
     usual_s = 0.5
     isolated = True
     preload = MESH_MODULES

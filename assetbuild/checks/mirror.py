@@ -16,6 +16,7 @@ from assetbuild.robot.twins import twins
 class Mirror(Check):
     """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
 
+    shares = True
     reads = ("tree.json", "control.json")
 
     sections: ClassVar = {"validate.mirror": "allowed"}

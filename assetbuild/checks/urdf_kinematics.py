@@ -36,6 +36,7 @@ class UrdfKinematics(Check):
     and direction cosines.
     """
 
+    shares = True
     isolated: ClassVar = True
     preload: ClassVar = MESH_MODULES  # yourdfpy needs trimesh, which needs most of them
     imports: ClassVar = ("yourdfpy",)

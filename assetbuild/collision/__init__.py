@@ -95,6 +95,7 @@ class CollisionMethod(Step):
     first, and taken when they fit this mesh as well as they fit theirs.
     """
 
+    shares = True
     usual_s = 1.0
     group: ClassVar[str] = "collision"
     outputs = ("pieces.npz", "pieces.json", "quality.json")

@@ -73,6 +73,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
+    shares = True
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()

@@ -24,6 +24,7 @@ class KeepPose(Step):
     Its bytes stay the same when only those change, so that no picture is made anew.
     """
 
+    shares = True
     own_name = "keep_pose"
     outputs = ("control.json",)
 
@@ -59,6 +60,7 @@ class KeepRatings(Step):
     Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
     """
 
+    shares = True
     own_name = "keep_ratings"
     outputs = ("ratings.json",)
 

@@ -50,21 +50,20 @@ def do_one_job(do: Callable[[Any], object], memory_bytes: int) -> NoReturn:  # A
     os._exit(0)
 
 
-def set_limits(memory_mb: int, others: Mapping[int, tuple[int, int]]) -> None:
+def set_limits(memory_mb: int, others: Mapping[int, int]) -> None:
     """Bound this process, without core files. Memory is counted on top of what is mapped.
 
-    others: kind of a limit -> (soft, hard).
+    others: kind of a limit -> bound. They may be set again, for another job.
     """
     mapped = 0
     with suppress(OSError):
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
         mapped = pages * resource.getpagesize()
     memory = mapped + memory_mb * 1024 * 1024
-    wanted = {resource.RLIMIT_AS: (memory, memory), resource.RLIMIT_CORE: (0, 0), **others}
-    for kind, bounds in wanted.items():
-        # A lower hard limit of the user's, or the step's, stays.
+    for kind, bound in {resource.RLIMIT_AS: memory, resource.RLIMIT_CORE: 0, **others}.items():
+        # A lower hard limit of the user's stays.
         with suppress(ValueError, OSError):
-            resource.setrlimit(kind, bounds)
+            resource.setrlimit(kind, (bound, resource.getrlimit(kind)[1]))
 
 
 # Newer system calls have the same number on every architecture.

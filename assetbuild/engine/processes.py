@@ -1,9 +1,10 @@
-"""Steps that run on this machine, each in a process of its own between two folders."""
+"""Steps that run on this machine, each in a child process between two folders."""
 
 from __future__ import annotations
 
 import json
 import os
+import secrets
 import shutil
 import signal
 import time
@@ -14,8 +15,9 @@ from pathlib import Path
 from typing import Any, Self
 
 from assetbuild.engine.actions import Action, Made
-from assetbuild.engine.children import Children, Ended, last_line
+from assetbuild.engine.children import Children
 from assetbuild.engine.digest import Signature, signature_of
+from assetbuild.engine.doors import Ended, last_line
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import (
@@ -30,6 +32,9 @@ from assetbuild.engine.worker import NO_SPACE
 from assetbuild.errors import StepError, quoted
 from assetbuild.findings import finding_from_json
 
+PRIVATE = ("inputs", "outputs", "views", "home")
+"""Folders in the private folder of a step. views: of folders that it reads, where it is alone."""
+
 ATTEMPTS = 2
 """How often a step is run whose process is killed by something else than our limits."""
 
@@ -42,6 +47,7 @@ class Processes:
         self._session = session
         self._long_lived = long_lived
         self._children = Children(session.store.scratch())
+        self._emptied: list[Path] = []
 
     def __enter__(self) -> Self:
         return self
@@ -98,10 +104,16 @@ class Processes:
 
     @contextmanager
     def _folder(self, action: Action) -> Iterator[Path]:
-        """A private folder; the log in it stays, in place of that of the step's last run."""
-        folder = self._session.store.scratch()
+        """A private folder; the log in it stays, in place of that of the step's last run.
+
+        After a step that went well it is emptied for another one: some file systems take longer
+        to make what is in it than small steps run.
+        """
+        folder = self._next_folder()
+        went_well = False
         try:
             yield folder
+            went_well = True
         finally:
             log, place = folder / "log", self._session.journal.log_path(action.label)
             with suppress(OSError):
@@ -110,12 +122,23 @@ class Processes:
                     log.replace(place)
                 else:
                     place.unlink(missing_ok=True)
-            shutil.rmtree(folder, ignore_errors=True)
+            if went_well and all(empty(folder / name) for name in PRIVATE):
+                self._emptied.append(folder)
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    def _next_folder(self) -> Path:
+        if self._emptied:  # renamed: steps of one process must not meet the same path again
+            folder = self._emptied.pop()
+            return folder.rename(folder.with_name(secrets.token_hex(6)))
+        folder = self._session.store.scratch()
+        for name in PRIVATE:
+            (folder / name).mkdir()
+        return folder
 
     def _run(self, action: Action, folder: Path) -> Made:
         alone = self._long_lived
         staged = stage(self._session, action.inputs, folder / "inputs", alone=alone)
-        (folder / "outputs").mkdir()
         began = time.monotonic()
         if not action.step.in_parent:
             result, used = self._in_child(action, folder)
@@ -141,7 +164,6 @@ class Processes:
 
     def _in_child(self, action: Action, folder: Path) -> tuple[dict[str, Any], Ended]:  # Any: JSON
         step, home, log = action.step, folder / "home", folder / "log"
-        home.mkdir()
         variables = ("TMPDIR",) if step.network else ("TMPDIR", "HOME")
         job = {
             "label": action.label,
@@ -153,10 +175,12 @@ class Processes:
             "home": str(home),
             "environ": dict.fromkeys(variables, str(home)),
             "limits": asdict(step.limits),
+            "shares": step.shares,
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         for attempt in range(1, ATTEMPTS + 1):
+            (folder / "result.json").write_bytes(b"")  # of the step before
             ended = self._children.run(step, path)
             if ended.status == 0 and not ended.over:
                 with suppress(OSError, ValueError):
@@ -164,10 +188,24 @@ class Processes:
                     return result, replace(ended, attempts=attempt)
             if attempt == ATTEMPTS or not was_killed_by_chance(ended, log):
                 break
-            for private in ("outputs", "home"):
-                shutil.rmtree(folder / private)
-                (folder / private).mkdir()
+            if not all(empty(folder / name) for name in ("outputs", "home")):
+                break
         raise StepError(how_it_ended(action, ended, log))
+
+
+def empty(folder: Path) -> bool:
+    """Remove all that lies in a folder; False where that is not possible, or it is no folder."""
+    try:
+        if folder.is_symlink():
+            return False
+        for entry in os.scandir(folder):
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path)
+            else:
+                os.unlink(entry.path)  # noqa: PTH108 # of the entry
+    except OSError:
+        return False
+    return True
 
 
 def usable_cores() -> int:
@@ -232,20 +270,20 @@ Staged = dict[str, tuple[str, Path, Signature]]
 def stage(
     session: Session, inputs: Mapping[str, str], folder: Path, *, alone: bool = False
 ) -> Staged:
-    """Lay out inputs (name -> digest) as links to verified objects; `folder` is made.
+    """Lay out inputs (name -> digest) as links to verified objects in an empty folder.
 
     All steps of a session that read a tree share one folder of links, unless they are `alone`, and
     none may write there.
     LostObjectError when the store lost an object; SourceError when a source was edited meanwhile.
     """
-    folder.mkdir()
     staged: Staged = {}
     for name, digest in inputs.items():
         place, is_tree = folder / name, name.endswith("/")
         own = folder.with_name("views") / str(len(staged)) if alone else None
         path = session.view(digest, own) if is_tree else session.object(digest)
         staged[name] = digest, path, signature_of(path.stat())
-        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.parent != folder:
+            place.parent.mkdir(parents=True, exist_ok=True)
         place.symlink_to(path)
         for member, (part, _) in session.tree(digest).items() if is_tree else ():
             path = session.object(part)
@@ -263,10 +301,10 @@ def check_untouched(session: Session, staged: Staged, label: str) -> None:
         if same:
             continue
         size = path.stat().st_size if path.is_file() else 0
-        session.forget()
         with suppress(LostObjectError):
             if path.is_file() and session.store.path(digest):
-                continue
+                continue  # another step made the same again
+        session.forget()
         raise StepError(
             f"step `{label}` wrote to its input `{name}` ({size} bytes now)",
             hint="a step reads its inputs and writes its outputs only",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from threading import Lock
 
 from assetbuild.engine.actions import Action, Actions, Made, SharedCache, key_parts
 from assetbuild.engine.code import Code, notes_folder
@@ -43,6 +44,7 @@ class Session:
         self.world.stamps = Stamps(store.root / "stat.json", fresh=rehash)
         self._listings: dict[str, Listing] = {}
         self._views: dict[str, Path] = {}
+        self._viewing = Lock()
 
     def __enter__(self) -> Session:
         return self
@@ -87,8 +89,14 @@ class Session:
 
         own: the folder to make instead, which goes with a step.
         """
-        if own is None and digest in self._views:
+        if own is not None:
+            return self._made_view(digest, own)
+        with self._viewing:  # else two steps that begin together would both make it
+            if digest not in self._views:
+                self._views[digest] = self._made_view(digest)
             return self._views[digest]
+
+    def _made_view(self, digest: str, own: Path | None = None) -> Path:
         folder, listing = own or self.store.scratch(), self.tree(digest)
         folder.mkdir(parents=True, exist_ok=True)
         shared = {} if own else self._shared(listing)
@@ -100,8 +108,6 @@ class Session:
                 place = folder / name
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.symlink_to(self.object(member))
-        if own is None:
-            self._views[digest] = folder
         return folder
 
     def _shared(self, listing: Listing) -> dict[str, Path]:

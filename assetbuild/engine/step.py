@@ -68,6 +68,10 @@ class Step(BaseModel):
     in_parent: ClassVar[bool] = False
     """Run in the process that builds, which keeps the user's environment, and not in a child: only
     steps that compute nothing, or whose work is done by a process of their own."""
+    shares: ClassVar[bool] = False
+    """Leaves nothing behind in its process that another step could notice (settings, open files,
+    registries of native libraries), so that steps may follow each other there: a process costs as
+    much as a small step."""
     cpu_bound: ClassVar[bool] = False
     """Its bytes depend on the CPU in a way that `engine/cpu.py` cannot pin: the model is part of
     the key."""

@@ -3,10 +3,11 @@
 A door is a socket that brings a socket for each request; on that comes one line of JSON. The first
 process has its door as standard input and is asked for workers, `{"worker": CONFIG}`: it answers
 `{"pid"}`, and the socket becomes the worker's door. A worker imports the modules of its kind once
-and is asked for steps, `{"job", "modules", "wall_s"}`: the path of a job file, and what its step is
-made of. It answers `{"pid"}` of the step's process, then `{"status", "wall_s", "cpu_s", "over"}`. A
-crash of a step loses that step only. When a door ends, because the parent closed it or died,
-everything that runs behind it is killed.
+and is asked for steps, `{"job", "modules"}`: the path of a job file, and what its step is made of.
+Its process says `{"pid"}`, then how that ended: `{"status", "wall_s", "cpu_s", "over"}`, with
+`"waits"` where the process takes one more `{"job"}` on the same socket. A crash of a step loses
+that step only. When a door ends, because the parent closed it or died, everything that runs behind
+it is killed.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ BOOT = (
 of an editable installation, so it is one of the `sites`.
 """
 
+LARGE_KB = 250_000
+"""A process that needed more memory takes no further step: what is free in it stays with it."""
 NO_SPACE = os.EX_IOERR
 """Exit status of a step's process that could not write its result: the disk is full."""
 
@@ -51,7 +54,7 @@ def main() -> None:
     """Serve requests until the input ends; with `once` in the argument, do one job instead."""
     config = json.loads(sys.argv[1])
     if "once" in config:
-        _perform_job(json.loads(Path(config["once"]).read_bytes()))
+        _perform_jobs(config["once"])
     _serve(config, socket.socket(fileno=os.dup(0)))
 
 
@@ -107,13 +110,11 @@ class Running:
 
     caller: socket.socket | None
     started: float
-    deadline: float = math.inf
-    over: str = ""
     ends_by: signal.Signals = signal.SIGKILL
 
 
 class Zygote:
-    """One thread, one loop: take requests, fork, reap, kill what runs over its time.
+    """One thread, one loop: take requests, fork, reap.
 
     fresh: every fork becomes a new interpreter, because a plain one is not safe here.
     """
@@ -134,17 +135,11 @@ class Zygote:
     def serve(self) -> NoReturn:
         """Serve until the input ends."""
         while True:
-            now = time.monotonic()
-            nearest = min(
-                (r.deadline for r in self.running.values() if not r.over), default=math.inf
-            )
-            timeout = None if nearest == math.inf else max(0.0, nearest - now)
-            ready, _, _ = select.select([self.door.fileno(), self._wake], [], [], timeout)
+            ready, _, _ = select.select([self.door.fileno(), self._wake], [], [])
             if self._wake in ready:
                 with suppress(BlockingIOError):
                     os.read(self._wake, 4096)
             self.reap()
-            self.kill_late()
             if self.door.fileno() in ready:
                 self.start()
 
@@ -180,10 +175,10 @@ class Zygote:
             self._become(request, me, caller)
         with suppress(OSError):  # the child does the same; whoever comes first
             os.setpgid(pid, pid)
-        _say(caller, pid=pid)
         if "job" in request:
-            self.running[pid] = Running(caller, now, now + request["wall_s"])
+            self.running[pid] = Running(caller, now)
         else:
+            _say(caller, pid=pid)
             self.running[pid] = Running(None, now, ends_by=signal.SIGTERM)
             caller.close()
 
@@ -200,11 +195,12 @@ class Zygote:
             os.close(self._wake)
             os.close(self._waker)
             if "job" in request:
-                caller.close()
                 die_with_parent(parent, signal.SIGKILL)
+                _say(caller, pid=os.getpid())
                 if self.fresh:
+                    caller.close()
                     _become_python({**self.config, "once": request["job"]})
-                _perform_job(json.loads(Path(request["job"]).read_bytes()))
+                _perform_jobs(request["job"], caller)
             self._become_worker({**self.config, **request["worker"], "parent": parent}, caller)
         except BaseException:
             traceback.print_exc()  # to the log
@@ -237,18 +233,8 @@ class Zygote:
                 status=status,
                 wall_s=round(time.monotonic() - run.started, 4),
                 cpu_s=round(used.ru_utime + used.ru_stime, 4),
-                over=run.over,
             )
             run.caller.close()
-
-    def kill_late(self) -> None:
-        """Kill the group of each process that ran over its wall-clock limit."""
-        now = time.monotonic()
-        for pid, run in self.running.items():
-            if not run.over and now >= run.deadline:
-                run.over = "wall"
-                with suppress(OSError):
-                    os.killpg(pid, signal.SIGKILL)
 
     def leave(self) -> NoReturn:
         """Kill everything that runs, and end."""
@@ -270,10 +256,23 @@ def _say(caller: socket.socket, **message: object) -> None:
         caller.sendall(json.dumps(message).encode() + b"\n")
 
 
-def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
-    """Run one step as the job file says, write its result, and end this process."""
+def _perform_jobs(path: str, caller: socket.socket | None = None) -> NoReturn:
+    """Run the step of a job file and write its result; so with those that the caller sends yet, as
+    long as this process is as good as new. Then end it.
+    """
     try:
-        _run_step(job)
+        lines = caller.makefile("rb") if caller else None
+        while True:
+            began, used = time.monotonic(), _cpu_s()
+            may_go_on = _run_step(json.loads(Path(path).read_bytes()), used)
+            if caller is None or lines is None or not may_go_on or not _is_as_new():
+                break
+            spent = {"wall_s": time.monotonic() - began, "cpu_s": _cpu_s() - used}
+            _say(caller, status=0, waits=True, **{k: round(v, 4) for k, v in spent.items()})
+            line = lines.readline()
+            if not line:
+                break
+            path = json.loads(line)["job"]
         os._exit(0)  # no exit handlers: those of native libraries hang or crash after a fork
     except OSError as error:  # the step's own are in its result: this is the log or the result
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -281,7 +280,25 @@ def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
         raise
 
 
-def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
+def _cpu_s() -> float:
+    """Processor time of this process so far."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def _is_as_new() -> bool:
+    """Is this process small, and has the step left no thread and no process?"""
+    if _threads() > 1 or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > LARGE_KB:
+        return False
+    try:
+        os.waitpid(-1, os.WNOHANG)
+    except ChildProcessError:
+        return True
+    return False
+
+
+def _run_step(job: dict[str, Any], used_s: float) -> bool:  # Any: JSON
+    """Whether another step may follow here. used_s: processor time of earlier ones."""
     from assetbuild.engine.confine import set_limits
     from assetbuild.engine.step import Files, Limits
     from assetbuild.engine.wire import perform, step_from_json
@@ -291,11 +308,11 @@ def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
     os.environ.update(job["environ"])
     tempfile.tempdir = None  # an import may have looked it up before TMPDIR was ours
     limits = Limits(**job["limits"])
-    file_bytes, cpu_s = limits.file_mb << 20, math.ceil(limits.wall_s * max(1, limits.cpus)) + 5
-    set_limits(
-        limits.memory_mb,
-        {resource.RLIMIT_FSIZE: (file_bytes, file_bytes), resource.RLIMIT_CPU: (cpu_s, cpu_s)},
+    file_bytes, cpu_s = (
+        limits.file_mb << 20,
+        math.ceil(used_s + limits.wall_s * max(1, limits.cpus)) + 5,
     )
+    set_limits(limits.memory_mb, {resource.RLIMIT_FSIZE: file_bytes, resource.RLIMIT_CPU: cpu_s})
     _seed()
     files = Files(Path(job["inputs"]), Path(job["outputs"]))
     result, trace = perform(lambda: step_from_json(job["step"]), files, job["label"], limits)
@@ -303,6 +320,7 @@ def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
     sys.stderr.write(trace)
     sys.stderr.flush()
     Path(job["result"]).write_text(json.dumps(result), encoding="utf-8")
+    return bool(job["shares"]) and "error" not in result
 
 
 def _seed() -> None:

@@ -94,6 +94,7 @@ class Use:
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
+    shares = True
     outputs = ("shapes.json", "meshes/", "triangles.npz")
 
     uses: tuple[Use, ...]

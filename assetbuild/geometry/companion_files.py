@@ -19,6 +19,7 @@ class MeshCompanions(Step):
     decoded: a search for names in the text.
     """
 
+    shares = True
     own_name = "mesh_companions"
     outputs = ("companions.json",)
 

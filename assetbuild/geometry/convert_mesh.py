@@ -75,6 +75,7 @@ INSIDE_OUT = Rule(
 class ConvertMesh(Step):
     """Reads `mesh`, and the files that it names as `companions/<number>`."""
 
+    shares = True
     usual_s = 0.3
     outputs = ("parts/", "mesh.json")
     isolated = True

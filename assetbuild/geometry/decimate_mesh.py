@@ -74,6 +74,7 @@ class DecimateMesh(Step):
     doubled until it does not. A mesh within the goal stays as it is.
     """
 
+    shares = True
     usual_s = 0.3
     outputs = ("parts/", "mesh.json")
     isolated = True

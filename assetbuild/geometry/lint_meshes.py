@@ -81,6 +81,7 @@ class _Vote:
 class LintMeshes(Step):
     """`links.json`, `shapes.json`, `meshes/<number>.json` -> findings only."""
 
+    shares = True
     shapes: tuple[str, ...]
     """Names of the shapes that `meshes/0.json`, `.../1.json`, ... are of; others are left out."""
 
@@ -266,6 +267,7 @@ class LintDensity(Step):
     A link counts when all its visual shapes are closed meshes.
     """
 
+    shares = True
     own_name = "lint_density"
     shapes: tuple[str, ...] = ()
     """Names of the shapes whose meshes `meshes/0.json`, ... are."""

@@ -40,6 +40,7 @@ class MeasureAssets(Step):
     The surface of every mesh and the pixels of every picture; the hulls of the meshes.
     """
 
+    shares = True
     usual_s = 0.4
     outputs = ("assets.json", "hulls.npz")
     isolated = True

@@ -90,7 +90,7 @@ def _become_worker(
         signal.signal(number, signal.SIG_DFL)
     cpu = max(1, math.ceil(limits.cpu_s))
     # Above the soft limit SIGXCPU comes, which nothing else sends: SIGKILL would say no cause.
-    set_limits(limits.memory_mb, {resource.RLIMIT_CPU: (cpu, cpu + 2)})
+    set_limits(limits.memory_mb, {resource.RLIMIT_CPU: cpu})
     try:
         result.send(list(work()))
     except MemoryError:

@@ -66,6 +66,7 @@ class Viewer(Step):
     quaternions wxyz.
     """
 
+    shares = True
     usual_s = 1.0
     outputs = ("viewer.json", "three.js")
     isolated = True

@@ -91,6 +91,7 @@ class MjxOptions(Model):
 class Mjx(Target):
     """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
 
+    shares = True
     outputs = ("mjx/",)
     folder = "mjcf"
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")

@@ -81,6 +81,7 @@ class Urdf(Target):
     away from the origin hangs on a link `world`, by a fixed joint.
     """
 
+    shares = True
     outputs = ("urdf/",)
     reads = ("links.json", "shapes.json", "ratings.json", "meshes/")
 

@@ -16,11 +16,11 @@ from typing import Any, NoReturn
 def main() -> int:
     """The command line, with the hook below in the process that forks all others."""
     from assetbuild.__main__ import main
-    from assetbuild.engine import children
+    from assetbuild.engine import doors
 
     log = sys.argv.pop(1)
     hook = f"from tests.benchmarks.watched import watch; watch({log!r}); "
-    children.BOOT = children.BOOT.replace("worker.main()", hook + "worker.main()")
+    doors.BOOT = doors.BOOT.replace("worker.main()", hook + "worker.main()")
     try:
         return main()
     finally:

@@ -111,7 +111,7 @@ def _note(how: str, subject: str) -> None:
         elif not who and how == "variable" and "-packages/" in file:
             return  # a library's own
         frame = frame.f_back
-    if who and not (how == "variable" and who.startswith("engine/children.py")):
+    if who and not (how == "variable" and who.startswith("engine/doors.py")):
         asked.add((how, subject if how == "variable" else os.path.abspath(subject), who))  # noqa: PTH100 # no links
 
 

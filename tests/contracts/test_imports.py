@@ -17,8 +17,8 @@ import networkx
 import pytest
 from workers import kind_of
 
-from assetbuild.engine.children import SHARED, environment
 from assetbuild.engine.code import Code
+from assetbuild.engine.doors import SHARED, environment
 from assetbuild.simulators.consumers import ConsumerCheck
 
 from .conftest import step_classes

@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterable
@@ -353,3 +354,30 @@ def numbers() -> dict[str, str]:
         "libm": np.array(libm),
     }
     return {name: hashlib.sha256(each.tobytes()).hexdigest() for name, each in computed.items()}
+
+
+class Sharing(Misbehave):
+    """Where the next of its kind may follow in the same process."""
+
+    shares: ClassVar[bool] = True
+    limits: ClassVar[Limits] = Limits(wall_s=5.0, memory_mb=300, file_mb=1)
+    salt: int = 0
+
+    def do_say_who(self, files: Files) -> None:
+        seen = {"pid": os.getpid(), "inputs": str(files.inputs), "cwd": str(Path.cwd())}
+        seen |= {"tmp": tempfile.gettempdir(), "files": os.listdir()}  # noqa: PTH208
+        (Path.home() / "litter").mkdir()
+        (Path.home() / "litter/file").touch()
+        (files.outputs / "out").write_text(json.dumps(seen))
+
+    def do_burn(self, files: Files) -> None:
+        while time.process_time() < 0.5:
+            pass
+        self.do_say_who(files)
+
+    def do_leave_a_thread(self, files: Files) -> None:
+        threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+
+    def do_need_much(self, files: Files) -> None:
+        held = b"x" * (280 << 20)
+        (files.outputs / "out").write_text(str(len(held)))

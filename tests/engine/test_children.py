@@ -24,6 +24,7 @@ from steps_for_tests import (
     MixInChild,
     Preloaded,
     PreloadedWithThreads,
+    Sharing,
 )
 
 from assetbuild.engine import children
@@ -151,6 +152,57 @@ def test_what_a_step_leaves_running_is_ended(session):
     while is_alive(pid) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not is_alive(pid)
+
+
+def who(session, result):
+    """What a `Sharing` step says of itself."""
+    assert result.error is None
+    return json.loads(session.read(result["out"]))
+
+
+def test_steps_that_share_a_process_notice_nothing_of_each_other(session):
+    hows = ("burn", "say_who", "say_who")
+    steps = {str(n): Sharing(how=how, salt=n) for n, how in enumerate(hows)}
+    results = together(session, steps, jobs=1)
+    seen = [who(session, result) for result in results.values()]
+    assert len({each["pid"] for each in seen}) == 1
+    for what in ("inputs", "cwd", "tmp"):
+        assert len({each[what] for each in seen}) == 3, what
+    assert [each["files"] for each in seen] == [[]] * 3
+    spent = [results[name].cpu_seconds for name in steps]
+    assert spent[0] > 0.3
+    assert max(spent[1:]) < 0.2, "of each step alone"
+
+
+@pytest.mark.parametrize(
+    "how", ["bug", "user_error", "exit", "leave_a_child", "leave_a_thread", "need_much"]
+)
+def test_a_process_that_is_not_as_new_takes_no_further_step(session, how):
+    with Processes(session) as runner:
+        first = who(session, one(session, Sharing(how="say_who"), runner=runner))
+        result = one(session, Sharing(how=how), runner=runner)
+        assert (result.error is None) == how.startswith(("leave", "need"))
+        last = who(session, one(session, Sharing(how="say_who", salt=1), runner=runner))
+    assert first["pid"] != last["pid"]
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [("hang", "ran over its time limit of 5 s"), ("memory", "over its memory limit of 300 MB")],
+)
+def test_each_step_of_a_process_has_all_of_its_limits(session, how, message):
+    with Processes(session) as runner:
+        for salt in range(2):
+            assert one(session, Sharing(how="say_who", salt=salt), runner=runner).error is None
+        assert message in str(one(session, Sharing(how=how), runner=runner).error)
+
+
+def test_a_process_that_dies_while_it_waits_costs_a_try(session):
+    with Processes(session) as runner:
+        first = who(session, one(session, Sharing(how="say_who"), runner=runner))
+        os.kill(first["pid"], signal.SIGKILL)
+        last = who(session, one(session, Sharing(how="say_who", salt=1), runner=runner))
+    assert first["pid"] != last["pid"]
 
 
 def test_a_worker_that_dies_is_replaced(session):

@@ -71,7 +71,7 @@ def test_another_class_computes_other_bytes_and_has_another_key(
 ):
     tag = platform_tag()
     monkeypatch.setattr(cpu, "cpu_class", lambda: older)
-    monkeypatch.setattr("assetbuild.engine.children.cpu_class", lambda: older)
+    monkeypatch.setattr("assetbuild.engine.doors.cpu_class", lambda: older)
     theirs = made(tmp_path)
     assert theirs[1].keys() == plain[1].keys()
     for name in ("product", "exp", "libm"):

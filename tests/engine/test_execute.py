@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ from assetbuild.engine.children import CancelledError
 from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
-from assetbuild.engine.processes import Processes
+from assetbuild.engine.processes import Processes, check_untouched, stage
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
@@ -294,3 +295,22 @@ def test_whatever_runs_actions_is_a_runner(session: Session, source: Path):
     assert session.read(results["third"]["out"]) == b"third"
     assert runner.closed
     assert len(runner.prepared) == 2, "each reader, while the step before it runs"
+
+
+def test_steps_that_read_one_folder_at_once_share_its_view(session):
+    digest = session.store.put_listing(
+        {f"f{n}": (session.store.put_bytes(b"x"), 1) for n in range(300)}
+    )
+    with ThreadPoolExecutor(8) as threads:
+        views = set(threads.map(lambda _: session.view(digest), range(8)))
+    assert len(views) == 1
+    assert len(list(views.pop().iterdir())) == 300
+
+
+def test_what_another_step_made_again_is_no_step_that_wrote_to_its_input(session, tmp_path):
+    data = b"what two steps make"
+    staged = stage(session, {"in": session.store.put_bytes(data)}, tmp_path)
+    time.sleep(0.02)  # another stamp
+    session.store.put_bytes(data)
+    session.forget = None  # nothing was lost
+    check_untouched(session, staged, "it")

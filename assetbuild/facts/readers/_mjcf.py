@@ -131,6 +131,7 @@ UNSEEN: Mapping[str, str] = {
 class MjcfReader(Reader):
     """Reads the compiled model: what moves, weighs, touches, drives and senses."""
 
+    shares = True
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = MESHES
     folder: ClassVar[str] = "mjcf"

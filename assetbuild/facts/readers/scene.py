@@ -24,6 +24,7 @@ SMALLEST_VIEW_M = 0.5
 class SceneFacts(Reader):
     """Compares the floor with the robot's, and that a scene changes nothing of the robot's file."""
 
+    shares = True
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     file_globs: ClassVar[tuple[str, ...]] = ("mjcf/scene.xml", "mjcf/{robot}.xml")
     format_id: ClassVar[str] = "scene"

@@ -70,6 +70,7 @@ class UrdfFacts(Reader):
     Its bodies are the source's links, before fixed joints are merged.
     """
 
+    shares = True
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json", "tree.json", "shapes.json", "ratings.json", "assets.json")
     format_id: ClassVar[str] = "urdf"

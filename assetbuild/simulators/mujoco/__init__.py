@@ -57,6 +57,7 @@ def body_names(tree: Tree) -> dict[str, str]:
 class WithMujoco(Check):
     """Base of the checks that look at compiled models."""
 
+    shares = True
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
 

@@ -60,6 +60,7 @@ class ReadUrdf(Step):
     Raises SourceError with `file:line`; of several mistakes the first is reported.
     """
 
+    shares = True
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     limits = Limits(wall_s=120.0, memory_mb=2048)

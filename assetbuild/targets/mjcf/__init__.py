@@ -50,6 +50,7 @@ CHAIN = Rule(
 class Mjcf(Target):
     """Writes `mjcf/<robot>.xml`, `mjcf/scene.xml` and `mjcf/assets/`."""
 
+    shares = True
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
