@@ -281,9 +281,9 @@ def _perform_jobs(path: str, caller: socket.socket | None = None) -> NoReturn:
 
 
 def _cpu_s() -> float:
-    """Processor time of this process so far."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
+    """Processor time of this process so far, and of those that it waited for."""
+    spent = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(used.ru_utime + used.ru_stime for used in spent)
 
 
 def _is_as_new() -> bool:
@@ -308,11 +308,10 @@ def _run_step(job: dict[str, Any], used_s: float) -> bool:  # Any: JSON
     os.environ.update(job["environ"])
     tempfile.tempdir = None  # an import may have looked it up before TMPDIR was ours
     limits = Limits(**job["limits"])
-    file_bytes, cpu_s = (
-        limits.file_mb << 20,
-        math.ceil(used_s + limits.wall_s * max(1, limits.cpus)) + 5,
+    cpu_s = math.ceil(used_s + limits.wall_s * max(1, limits.cpus)) + 5
+    set_limits(
+        limits.memory_mb, {resource.RLIMIT_FSIZE: limits.file_mb << 20, resource.RLIMIT_CPU: cpu_s}
     )
-    set_limits(limits.memory_mb, {resource.RLIMIT_FSIZE: file_bytes, resource.RLIMIT_CPU: cpu_s})
     _seed()
     files = Files(Path(job["inputs"]), Path(job["outputs"]))
     result, trace = perform(lambda: step_from_json(job["step"]), files, job["label"], limits)
