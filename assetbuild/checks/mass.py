@@ -82,7 +82,7 @@ SIZE = Rule(
     "mass.size",
     "error",
     "a body that moves is longer than 20 m, which no robot's body is",
-    'is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
+    'are its lengths in millimetres? A mesh takes `scale="0.001 0.001 0.001"`',
 )
 
 

@@ -98,7 +98,7 @@ class Anatomy:
 
     size_m: largest extent of the links' origins. called_legs: of a robot that stands on none at
     the zero pose, limbs that must be legs by their names. turning: by joint, what turns without
-    end. doubt: that the robot matches nothing known and what to decide, "" for one that does.
+    end. doubt: what of the robot matches nothing known and what to decide, else "".
     """
 
     base: Base
@@ -132,13 +132,12 @@ def study(robot: InspectedRobot) -> Anatomy:
     size = float(extent.max()) if tree.joints else 0.0
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
     doubt = DOUBT.format(root=tree.root) if reason == UNKNOWN else ""
+    doubt = MILLIMETRES.format(size=size) if size > FARTHEST_M else doubt
     legs = () if base == "fixed" else legs  # what is bolted stands on nothing
     called = () if legs or base == "fixed" else _called_legs(limbs, robot.links.name)
-    frames = {
-        kind: tuple(name for name in robot.links.by_body if re.fullmatch(pattern, name))
-        for kind, pattern in SENSORS.items()
-    }
-    sensors = {kind: names for kind, names in frames.items() if names}
+    links = robot.links.by_body
+    named = {kind: tuple(filter(re.compile(SENSORS[kind]).fullmatch, links)) for kind in SENSORS}
+    sensors = {kind: names for kind, names in named.items() if names}
     return Anatomy(base, reason, legs, sensors, size, called, turning, doubt)
 
 
@@ -341,6 +340,8 @@ def _lowest_end(robot: InspectedRobot, shank: str) -> Pose:
 
 
 UNKNOWN = "taken as bolted: nothing recognised that stands, rolls, flies or reaches; see above"
+FARTHEST_M = 20.0
+MILLIMETRES = "its links lie {size:.4g} m apart: a URDF is in metres; divide its lengths by 1000"
 DOUBT = (
     "nothing tells what this robot is: no legs, no two wheels on the ground, no rotors, no "
     "chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "

@@ -347,3 +347,11 @@ def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):
 
     assert roles_below("head")["left"] == "arm"
     assert roles_below("plate")["left"] == "finger"
+
+
+def test_a_robot_in_millimetres_is_asked_about(tmp_path: Path):
+    far = chain("rrr").replace("0 0 0.2", "0 0 200")
+    assert (
+        "400 m apart: a URDF is in metres"
+        in proposed(urdfs.robot(far), tmp_path).proposal.undecided
+    )
