@@ -270,12 +270,13 @@ Staged = dict[str, tuple[str, Path, Signature]]
 def stage(
     session: Session, inputs: Mapping[str, str], folder: Path, *, alone: bool = False
 ) -> Staged:
-    """Lay out inputs (name -> digest) as links to verified objects in an empty folder.
+    """Lay out inputs (name -> digest) as links to verified objects; `folder` is empty, or made.
 
     All steps of a session that read a tree share one folder of links, unless they are `alone`, and
     none may write there.
     LostObjectError when the store lost an object; SourceError when a source was edited meanwhile.
     """
+    folder.mkdir(exist_ok=True)
     staged: Staged = {}
     for name, digest in inputs.items():
         place, is_tree = folder / name, name.endswith("/")

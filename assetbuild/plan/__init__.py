@@ -30,6 +30,7 @@ from assetbuild.geometry.plan import Geometry, assemble, companions, lint_densit
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.plan.asked import checks_of, readers_of
 from assetbuild.plan.edits import AGAIN, apply_edits, edits_of, guessed_links
+from assetbuild.plan.patience import patience
 from assetbuild.plan.recipe_consistency import check_against_robot, check_names, turned_meshes
 from assetbuild.plugin_types import Target, lacking
 from assetbuild.plugins import load_plugin
@@ -86,6 +87,11 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 
     drawn: with pictures and the 3D view.
     """
+    with patience(loaded.path):
+        return _planned(loaded, lock, p, drawn)
+
+
+def _planned(loaded: LoadedRecipe, lock: Lock | None, p: Planner, drawn: bool) -> Outline:
     check_recipes(loaded)
     outline = begun(loaded)
     ready = _prepare(loaded, lock, outline, p)
