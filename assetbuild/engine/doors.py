@@ -163,22 +163,19 @@ class Origin(Door):
 
 
 class Worker(Door):
-    """One worker. The sockets of its jobs end when it does; at its door it sends its `{"pid"}`."""
+    """One worker. The sockets of its jobs end when it does; at its door it sends its `{"pid"}`.
+
+    pid: 0 until then.
+    """
 
     def __init__(self, end: socket.socket, log: Path) -> None:
         super().__init__(end)
         self.log = log
-        self._received = b""
+        self.pid = 0
+        self._lines = Lines(end)
         self._reading = threading.Lock()
         self._running: set[Fork] = set()
         self._waiting: list[Fork] = []
-
-    @property
-    def pid(self) -> int:
-        """The worker's process ID; 0 until the worker has sent it."""
-        return (
-            int(json.loads(self._received).get("pid", 0)) if self._received.endswith(b"\n") else 0
-        )
 
     @property
     def busy(self) -> bool:
@@ -200,14 +197,9 @@ class Worker(Door):
         with self._reading:
             if self._end.fileno() < 0:
                 return True
-            if not select.select([self._end], [], [], seconds)[0]:
-                return False
-            try:
-                received = self._end.recv(4096)
-            except ConnectionResetError:  # it died with a request that it had not read
-                return True
-            self._received += received
-            return not received
+            said = self._lines.next(seconds)
+            self.pid = said["pid"] if said else self.pid
+            return said == {}
 
     def run(self, step: Step, job: Path) -> Ended | None:
         """Run one job; None when the worker died meanwhile."""
@@ -242,53 +234,54 @@ class Fork:
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
-        self._socket: socket.socket | None = None
-        self._received = b""
+        self._lines: Lines | None = None
         self.pid = 0
         self.waits = False
 
     def run(self, step: Step, job: Path) -> Ended | None:
         """Run a job, and kill what runs over its time; None when the worker died. OSError."""
         request = {"job": str(job), "modules": [type(step).__module__, *step.imports]}
-        if self._socket is None:
-            self._socket = self._worker.ask(request)
+        if self._lines is None:
+            self._lines = Lines(self._worker.ask(request))
         else:
-            self._socket.sendall(json.dumps(request).encode() + b"\n")
-        answer = self._answer(self._socket, step.limits.wall_s)
+            self._lines.end.sendall(json.dumps(request).encode() + b"\n")
+        answer = self._lines.next(step.limits.wall_s if self.pid else math.inf)
+        if answer and "pid" in answer:  # its time begins when its process does
+            self.pid, answer = answer["pid"], self._lines.next(step.limits.wall_s)
         if answer is None:
             with suppress(OSError):
                 os.killpg(self.pid, signal.SIGKILL)
-            killed = self._answer(self._socket, math.inf)
+            killed = self._lines.next()
             answer = (killed and killed | {"over": "wall"}) or {}
         self.waits = answer.pop("waits", False)
         if not self.waits:
-            self._socket.close()
+            self._lines.end.close()
         return Ended(**answer) if answer else None
 
-    def _answer(self, end: socket.socket, seconds: float) -> dict[str, Any] | None:  # Any: JSON
-        """How the job ended; nothing when the worker died, None when the time is over.
 
-        Its time begins when its process does.
-        """
-        deadline = time.monotonic() + seconds if self.pid else math.inf
-        while True:
-            line, whole, rest = self._received.partition(b"\n")
-            if whole:
-                self._received, answer = rest, json.loads(line)
-                if "pid" not in answer:
-                    return dict(answer)
-                self.pid, deadline = answer["pid"], time.monotonic() + seconds
-            elif not select.select([end], [], [], _left_s(deadline))[0]:
+class Lines:
+    """What a process says on its socket: lines of JSON. end: ours."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self.end = end
+        self._received = b""
+
+    def next(self, seconds: float = math.inf) -> dict[str, Any] | None:  # Any: JSON
+        """The next one; empty when the process has ended, None when nothing comes for so long."""
+        deadline = time.monotonic() + seconds
+        while b"\n" not in self._received:
+            left_s = None if seconds == math.inf else max(0.0, deadline - time.monotonic())
+            if not select.select([self.end], [], [], left_s)[0]:
                 return None
-            elif not (received := end.recv(4096)):
+            try:
+                received = self.end.recv(4096)
+            except ConnectionResetError:  # it died with a request that it had not read
                 return {}
-            else:
-                self._received += received
-
-
-def _left_s(deadline: float) -> float | None:
-    """For `select`: None = as long as it takes."""
-    return None if deadline == math.inf else max(0.0, deadline - time.monotonic())
+            if not received:
+                return {}
+            self._received += received
+        line, _, self._received = self._received.partition(b"\n")
+        return dict(json.loads(line))
 
 
 def _search_path() -> list[str]:
