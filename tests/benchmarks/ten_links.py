@@ -122,7 +122,7 @@ def main(arguments: Sequence[str]) -> None:
                 )
                 continue
             spent = cpu() - before
-            q = measure(reference, [p for p in map(cap.verified, made) if p is not None])
+            q = measure(reference, cap.verified(made))
             figures = f"{q.iou:.3f} | {q.over:.3f} | {q.missing:.3f} | {1e3 * q.max_outside_m:.1f}"
             figures += f" | {1e3 * q.p99_m:.1f} | {q.pieces} | {spent:.1f}"
             print(f"| {name} | {label} | {figures} |", flush=True)
