@@ -205,7 +205,7 @@ class Worker(Door):
         """Run one job; None when the worker died meanwhile."""
         self.wait_for_start()
         with suppress(OSError, IndexError):
-            fork = self._waiting.pop() if step.shares and self._waiting else Fork(self)
+            fork = self._waiting.pop() if step.may_share() and self._waiting else Fork(self)
             self._running.add(fork)
             ended = fork.run(step, job)
             self._running.discard(fork)

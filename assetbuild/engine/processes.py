@@ -122,7 +122,7 @@ class Processes:
                     log.replace(place)
                 else:
                     place.unlink(missing_ok=True)
-            if went_well and all(empty(folder / name) for name in PRIVATE):
+            if went_well and all(clear(folder / name) for name in PRIVATE):
                 self._emptied.append(folder)
             else:
                 shutil.rmtree(folder, ignore_errors=True)
@@ -175,7 +175,7 @@ class Processes:
             "home": str(home),
             "environ": dict.fromkeys(variables, str(home)),
             "limits": asdict(step.limits),
-            "shares": step.shares,
+            "shares": step.may_share(),
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
@@ -188,12 +188,12 @@ class Processes:
                     return result, replace(ended, attempts=attempt)
             if attempt == ATTEMPTS or not was_killed_by_chance(ended, log):
                 break
-            if not all(empty(folder / name) for name in ("outputs", "home")):
+            if not all(clear(folder / name) for name in ("outputs", "home")):
                 break
         raise StepError(how_it_ended(action, ended, log))
 
 
-def empty(folder: Path) -> bool:
+def clear(folder: Path) -> bool:
     """Remove all that lies in a folder; False where that is not possible, or it is no folder."""
     try:
         if folder.is_symlink():

@@ -109,6 +109,12 @@ class Step(BaseModel):
         return self.preload
 
     @classmethod
+    def may_share(cls) -> bool:
+        """Whether it `shares`; a plug-in says so itself, and does not inherit it from us."""
+        by = next(each for each in cls.__mro__ if "shares" in vars(each))
+        return cls.shares and by.__module__.split(".")[0] == cls.__module__.split(".")[0]
+
+    @classmethod
     def step_name(cls) -> str:
         """`read_urdf` for `assetbuild.source.urdf.read_urdf`: its file, or a name of its own."""
         return cls.own_name or cls.__module__.rsplit(".", 1)[-1]

@@ -341,7 +341,7 @@ def _lowest_end(robot: InspectedRobot, shank: str) -> Pose:
 
 UNKNOWN = "taken as bolted: nothing recognised that stands, rolls, flies or reaches; see above"
 FARTHEST_M = 20.0
-MILLIMETRES = "its links lie {size:.4g} m apart: a URDF is in metres; divide its lengths by 1000"
+MILLIMETRES = "its links lie {size:.4g} m apart: in millimetres? Divide its lengths by 1000"
 DOUBT = (
     "nothing tells what this robot is: no legs, no two wheels on the ground, no rotors, no "
     "chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "

@@ -274,13 +274,13 @@ def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if file.content is not None:
         path.write_bytes(file.content)
-    elif not _is_taken_over(out / file.path, path, file.sha256, session):
+    elif not _take_over(out / file.path, path, file.sha256, session):
         session.object(file.sha256)  # a source comes into the store first
         session.store.restore(file.sha256, path, out)
 
 
-def _is_taken_over(old: Path, path: Path, digest: str, session: Session) -> bool:
-    """Whether a file of the bundle that goes is the same, and is `path` now, too: most are."""
+def _take_over(old: Path, path: Path, digest: str, session: Session) -> bool:
+    """Link `path` to a file of the old bundle, as most are the same; False where it is not."""
     try:
         if old.is_symlink() or not old.is_file() or session.world.stamps.digest(old) != digest:
             return False

@@ -1,4 +1,4 @@
-"""A pattern of a recipe that takes for ever is an error."""
+"""A pattern of a recipe that takes forever is an error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def patience(recipe: Path) -> Iterator[None]:
             return  # the plan of a large robot
         pattern = str(frame.f_locals.get("pattern"))
         lines = recipe.read_text(encoding="utf-8").splitlines()
-        number = next((n for n, line in enumerate(lines, 1) if pattern in line), 1)
+        number = next((n for n, line in enumerate(lines, 1) if pattern in line), 0)
         raise RecipeError(
             f"the pattern `{pattern}` takes more than {PATIENCE_S:g} s for a name",
             where=Where(str(recipe), number),

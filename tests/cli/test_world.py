@@ -63,7 +63,7 @@ def test_a_file_of_the_bundle_that_stays_the_same_is_taken_over(warm_legs: Place
     """Not copied again; unless the user has put something else there."""
 
     def changed(old: str, new: str) -> tuple[str, int, bool]:
-        """With another gain: content and inode of the written URDF, and whether it is a link."""
+        """Change a gain and build: the URDF's text and inode, and whether it is a link."""
         warm_legs.edit(f"kd: {old},", f"kd: {new},")
         assert warm_legs.ran()
         return urdf.read_text(), urdf.lstat().st_ino, urdf.is_symlink()

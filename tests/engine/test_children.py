@@ -27,6 +27,7 @@ from steps_for_tests import (
     Sharing,
 )
 
+from assetbuild.checks.stand import Stand
 from assetbuild.engine import children
 from assetbuild.engine.children import Children
 from assetbuild.engine.processes import Processes
@@ -35,6 +36,7 @@ from assetbuild.engine.step import Limits
 from assetbuild.engine.store import Store
 from assetbuild.engine.wire import error_of_exception
 from assetbuild.errors import MachineError, SourceError, StepError, Where
+from assetbuild.simulators.mujoco import InMujoco
 
 pytestmark = pytest.mark.own_workers
 
@@ -195,6 +197,16 @@ def test_each_step_of_a_process_has_all_of_its_limits(session, how, message):
         for salt in range(2):
             assert one(session, Sharing(how="say_who", salt=salt), runner=runner).error is None
         assert message in str(one(session, Sharing(how=how), runner=runner).error)
+
+
+def test_a_plug_in_does_not_inherit_from_us_that_its_steps_share_a_process():
+    class Foreign(InMujoco):
+        pass
+
+    assert Foreign.shares
+    assert not Foreign.may_share()
+    assert Stand.may_share()
+    assert Sharing.may_share()
 
 
 def test_a_process_that_dies_while_it_waits_costs_a_try(session):

@@ -351,7 +351,5 @@ def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):
 
 def test_a_robot_in_millimetres_is_asked_about(tmp_path: Path):
     far = chain("rrr").replace("0 0 0.2", "0 0 200")
-    assert (
-        "400 m apart: a URDF is in metres"
-        in proposed(urdfs.robot(far), tmp_path).proposal.undecided
-    )
+    undecided = proposed(urdfs.robot(far), tmp_path).proposal.undecided
+    assert "400 m apart: in millimetres?" in undecided

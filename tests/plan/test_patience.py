@@ -1,4 +1,4 @@
-"""Patterns that would take for ever."""
+"""Patterns that would take forever."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def burn(seconds: float) -> bool:
     return True
 
 
-def test_a_pattern_that_takes_for_ever_is_named_with_its_line(tmp_path: Path):
+def test_a_pattern_that_takes_forever_is_named_with_its_line(tmp_path: Path):
     recipe = tmp_path / "dog.yaml"
     recipe.write_text(f"robot: dog\nactuators: [{{joints: {ENDLESS}}}]\n")
     with pytest.raises(RecipeError) as info, patience(recipe):

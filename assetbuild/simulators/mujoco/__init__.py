@@ -118,9 +118,8 @@ def load(
 ) -> Loaded:  # Any: MuJoCo's MjSpec
     """Compiles an MJCF file; StepError with MuJoCo's own words when it refuses.
 
-    visuals: False leaves out, as MuJoCo's `discardvisual` does, what has no effect on the
-    physics: compiling is quick then, because most meshes are never read. change: what is done to
-    the specification before it is compiled.
+    visuals: False leaves out what has no effect on the physics, as MuJoCo's `discardvisual` does,
+    so most meshes are never read. change: what is done to the specification before compiling.
     """
     with caught_warnings() as messages:
         try:
